@@ -1,0 +1,1 @@
+"""Safe reinforcement learning for highway driving, shielded by readable Prolog rules."""

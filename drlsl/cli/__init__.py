@@ -1,0 +1,1 @@
+"""The command line: `drlsl train`, `drlsl query` and the rest."""
