@@ -1,0 +1,1 @@
+"""The built-in predicates, one module for each family."""

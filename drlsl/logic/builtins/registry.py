@@ -1,0 +1,82 @@
+"""The table of built-in predicates: pure functions of a machine and its arguments.
+
+A builtin keeps no state of its own. Whatever it reads or changes belongs to the machine that calls it, so any
+number of engines share this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias, TypeVar
+
+if TYPE_CHECKING:
+    from drlsl.logic.flags import Flags
+    from drlsl.logic.operators import Operators
+    from drlsl.logic.program import Program
+    from drlsl.logic.terms import Term
+
+
+class Machine(Protocol):
+    """What a builtin may ask of the solver that runs it."""
+
+    @property
+    def flags(self) -> Flags: ...
+
+    @property
+    def operators(self) -> Operators: ...
+
+    @property
+    def program(self) -> Program: ...
+
+    @property
+    def globals(self) -> dict[str, Term]:
+        """The engine's global variables (``nb_setval/2``, ``b_setval/2``)."""
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """A place per engine for what a module of builtins must remember (open streams, random generators)."""
+
+    output: TextIO
+
+    def unify(self, left: Term, right: Term) -> bool:
+        """Make two terms equal, remembering each binding on the trail; True when that is possible."""
+
+    def trail_call(self, undo: Callable[[], None]) -> None:
+        """Have `undo` called when execution backtracks beyond this point."""
+
+
+Det: TypeAlias = Callable[..., bool]
+Nondet: TypeAlias = Callable[..., Iterator[None]]
+_D = TypeVar("_D", bound=Det)
+_N = TypeVar("_N", bound=Nondet)
+Indicator: TypeAlias = tuple[str, int]
+
+# Filled while the modules of this package are imported and never changed after.
+DET: dict[Indicator, Det] = {}
+NONDET: dict[Indicator, Nondet] = {}
+
+
+def det(name: str, arity: int) -> Callable[[_D], _D]:
+    """Declare a deterministic builtin: ``f(machine, *args) -> bool``; the arguments come as given, not dereferenced.
+
+    False is failure; the solver undoes what the function bound before it failed.
+    """
+
+    def register(function: _D) -> _D:
+        DET[name, arity] = function
+        return function
+
+    return register
+
+
+def nondet(name: str, arity: int) -> Callable[[_N], _N]:
+    """Declare a nondeterministic builtin: a generator function that yields once for each solution after unifying.
+
+    The machine undoes the bindings before it resumes the generator, and closes it on a cut.
+    """
+
+    def register(function: _N) -> _N:
+        NONDET[name, arity] = function
+        return function
+
+    return register
