@@ -1,1 +1,247 @@
-% highway
+% highway.pl - what is safe on a highway, and how fast to go: the default rule program.
+%
+% The rules see one moment of traffic as facts. Lengths are in m, speeds in m/s, accelerations in m/s2, times in s.
+% x runs along the road and y across it, downward, so a driver heading right (+x) has smaller y on the left.
+%
+%   vehicle(Id, Lane, Px, Py, Vx, Vy, Length, Width)   the ego and every vehicle in radar range: box centre, velocity, size
+%   road_lane(Lane, Direction, Py, Width, SpeedLimit)  every lane of the road: its centre line, width and limit
+%   target_lane(Lane)                                  the lane that the ego is steering for
+%   time_step(Dt)                                      the time until the rules are asked again
+%   radar_range(R)                                     how far the ego sees
+%   acceleration_limit(A), braking_limit(B)            the hardest the ego can speed up and brake
+%
+% Asked of every program:  safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
+% state(Observation), entry_is_safe.  Asked where present: lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
+
+:- dynamic(vehicle/8).
+:- dynamic(road_lane/5).
+:- dynamic(target_lane/1).
+:- dynamic(time_step/1).
+:- dynamic(radar_range/1).
+:- dynamic(acceleration_limit/1).
+:- dynamic(braking_limit/1).
+
+:- include('longitudinal.pl').
+:- include('observation.pl').
+
+% ---------------------------------------------------------------------------------------------------- parameters
+
+% response_time(T): the time before a rear vehicle reacts. Source: UN R157, 5.2.5.2 (0.35 s).
+response_time(0.35).
+
+% response_acceleration(A): how hard a rear vehicle may speed up before it reacts. Source: RSS, a_max,accel.
+response_acceleration(3.0).
+
+% rear_braking(B): the braking a rear vehicle is sure to reach. Source: RSS, a_min,brake; UN R157 (6 m/s2).
+rear_braking(6.0).
+
+% front_braking(B): the hardest braking to expect of a vehicle in front. Source: RSS, a_max,brake; dry road.
+front_braking(8.0).
+
+% standstill_gap(D): the room kept to another bumper on top of the critical distance.
+standstill_gap(2.0).
+
+% lateral_margin(M): the room kept between two sides that pass each other.
+lateral_margin(0.3).
+
+% lane_change_time(T): how long a lane change takes, from the first move to the new lane's centre.
+lane_change_time(3.0).
+
+% centre_tolerance(D): how near the centre line the ego must be to count as settled in its lane.
+centre_tolerance(0.4).
+
+% drift_horizon(Side, T): how far ahead a vehicle's sideways motion is followed to see whether it enters the way of Side.
+% A lane change claims the lane for its whole duration; the ego's own lane is watched anew at every step.
+drift_horizon(own, 1.0).
+drift_horizon(home, 1.0).
+drift_horizon(left, 3.0).
+drift_horizon(right, 3.0).
+
+% ------------------------------------------------------------------------------------------- reading the facts
+
+% lane(Car, Lane): Car's centre is in Lane.
+lane(Car, Lane) :- vehicle(Car, Lane, _, _, _, _, _, _).
+
+% position_x(Car, Px), position_y(Car, Py): the centre of Car's box.
+position_x(Car, Px) :- vehicle(Car, _, Px, _, _, _, _, _).
+position_y(Car, Py) :- vehicle(Car, _, _, Py, _, _, _, _).
+
+% direction(Car, Direction): the direction of the lane that Car is in, left_to_right or right_to_left.
+direction(Car, Direction) :- lane(Car, Lane), road_lane(Lane, Direction, _, _, _).
+
+% heading(Direction, Sign): the sign of the velocity along x.
+heading(left_to_right, 1).
+heading(right_to_left, -1).
+
+% ego_heading(Sign): the ego's sign of motion along x.
+ego_heading(Sign) :- direction(ego, Direction), heading(Direction, Sign).
+
+% speed(Car, V): Car's speed in the ego's direction; 0 for a vehicle that stands or comes the other way.
+speed(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), ego_heading(Sign), V is max(0.0, Sign * Vx).
+
+% distance(Car1, Car2, D): between the two centres. Source: paper, SLP for AD.
+distance(Car1, Car2, D) :-
+    position_x(Car1, X1), position_x(Car2, X2), position_y(Car1, Y1), position_y(Car2, Y2),
+    D is sqrt((X1 - X2) * (X1 - X2) + (Y1 - Y2) * (Y1 - Y2)).
+
+% target_vehicle(Car): a vehicle other than the ego in radar range. Source: paper, SLP for AD.
+target_vehicle(Car) :-
+    vehicle(Car, _, _, _, _, _, _, _), Car \== ego,
+    distance(ego, Car, D), radar_range(R), D =< R.
+
+% offset(Car, S): how far Car's centre is ahead of the ego's (negative: behind).
+offset(Car, S) :- position_x(ego, X1), position_x(Car, X2), ego_heading(Sign), S is Sign * (X2 - X1).
+
+% gap(Car, Gap): from bumper to bumper along the road; negative where the two overlap along it.
+gap(Car, Gap) :-
+    offset(Car, S),
+    vehicle(ego, _, _, _, _, _, Length1, _), vehicle(Car, _, _, _, _, _, Length2, _),
+    Gap is abs(S) - (Length1 + Length2) / 2.
+
+% ----------------------------------------------------------------------------------------------- lanes and ways
+
+% side_lane(Side, Lane): Lane is next to the ego's lane on that side and runs the same way.
+side_lane(Side, Lane) :-
+    lane(ego, Lane0), road_lane(Lane0, Direction, Y0, Width0, _),
+    heading(Direction, Sign),
+    road_lane(Lane, Direction, Y, Width, _),
+    leftward(Side, Turn), Offset is Turn * Sign * (Y0 - Y),
+    Offset > 0.0, Offset < 0.75 * (Width0 + Width).
+
+% leftward(Side, Turn): +1 to the driver's left, -1 to the right.
+leftward(left, 1).
+leftward(right, -1).
+
+% way(Side, Low, High): the range of y that the ego's centre takes: in its own lane on the way to the target lane's centre,
+% in the lane it is in ("home"), or in the lane to a side.
+way(own, Low, High) :-
+    position_y(ego, Y), target_lane(Lane), road_lane(Lane, _, Centre, _, _),
+    Low is min(Y, Centre), High is max(Y, Centre).
+way(home, Y, Y) :- lane(ego, Lane), road_lane(Lane, _, Y, _, _).
+way(left, Y, Y) :- side_lane(left, Lane), road_lane(Lane, _, Y, _, _).
+way(right, Y, Y) :- side_lane(right, Lane), road_lane(Lane, _, Y, _, _).
+
+% in_way(Car, Side): Car's body, as it is or as it drifts sideways, comes within the lateral margin of the ego's body there.
+in_way(Car, Side) :-
+    way(Side, Low, High),
+    vehicle(Car, _, _, Y, _, Vy, _, Width2), vehicle(ego, _, _, _, _, _, _, Width1),
+    drift_horizon(Side, T), Drifted is Y + Vy * T,
+    lateral_margin(Margin), Reach is (Width1 + Width2) / 2 + Margin,
+    min(Y, Drifted) - High < Reach, Low - max(Y, Drifted) < Reach.
+
+% settled: the ego is not changing lanes.
+settled :-
+    target_lane(Lane), lane(ego, Lane), road_lane(Lane, _, Centre, _, _), position_y(ego, Y),
+    centre_tolerance(Tolerance), abs(Y - Centre) =< Tolerance.
+
+% ------------------------------------------------------------------------------------------- the eight sections
+
+% section(Section, Side, Place): the paper's eight sections around the ego.
+section(front, own, ahead).
+section(front_right, right, ahead).
+section(right, right, alongside).
+section(back_right, right, behind).
+section(back, own, behind).
+section(back_left, left, behind).
+section(left, left, alongside).
+section(front_left, left, ahead).
+
+% place(Place, Car, Gap): where Car is along the road, and the gap to it.
+place(ahead, Car, Gap) :- offset(Car, S), S > 0.0, gap(Car, Gap), Gap > 0.0.
+place(alongside, Car, Gap) :- gap(Car, Gap), Gap =< 0.0.
+place(behind, Car, Gap) :- offset(Car, S), S < 0.0, gap(Car, Gap), Gap > 0.0.
+
+% busy_section(Section, Car, Gap): target vehicle Car is in Section.
+busy_section(Section, Car, Gap) :-
+    section(Section, Side, Place),
+    target_vehicle(Car), place(Place, Car, Gap), in_way(Car, Side).
+
+% nearest(Section, Car, Gap): the vehicle with the least gap in Section; of several, the first fact.
+nearest(Section, Car, Gap) :-
+    aggregate_all(min(Gap1, Car1), busy_section(Section, Car1, Gap1), min(Gap, Car)).
+
+front_is_busy :- busy_section(front, _, _).
+front_right_is_busy :- busy_section(front_right, _, _).
+right_is_busy :- busy_section(right, _, _).
+back_right_is_busy :- busy_section(back_right, _, _).
+back_is_busy :- busy_section(back, _, _).
+back_left_is_busy :- busy_section(back_left, _, _).
+left_is_busy :- busy_section(left, _, _).
+front_left_is_busy :- busy_section(front_left, _, _).
+
+front_is_free :- \+ front_is_busy.
+front_right_is_free :- \+ front_right_is_busy.
+right_is_free :- \+ right_is_busy.
+back_right_is_free :- \+ back_right_is_busy.
+back_is_free :- \+ back_is_busy.
+back_left_is_free :- \+ back_left_is_busy.
+left_is_free :- \+ left_is_busy.
+front_left_is_free :- \+ front_left_is_busy.
+
+% ----------------------------------------------------------------------------------------------- safe distances
+
+% critical_distance(VRear, VFront, C): the least gap from which the rear vehicle, after its response time, can stop behind
+% a front vehicle that brakes at its hardest. Source: RSS (Shalev-Shwartz et al. 2017), Definition 1.
+critical_distance(VRear, VFront, C) :-
+    response_time(T), response_acceleration(A), rear_braking(BRear), front_braking(BFront),
+    C is max(0.0, VRear * T + A * T * T / 2 + (VRear + A * T) * (VRear + A * T) / (2 * BRear) - VFront * VFront / (2 * BFront)).
+
+% required_gap(VRear, VFront, Gap): the critical distance and the room kept at standstill.
+required_gap(VRear, VFront, Gap) :- critical_distance(VRear, VFront, C), standstill_gap(D), Gap is C + D.
+
+% needed_gap(Car, Gap): the gap that Car and the ego need between them, whichever of the two is in front.
+needed_gap(Car, Gap) :- offset(Car, S), S >= 0.0, speed(ego, V1), speed(Car, V2), required_gap(V1, V2, Gap).
+needed_gap(Car, Gap) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), required_gap(V2, V1, Gap).
+
+% obstacle(Side, Car, Gap, Needed): Car is in the way of Side, nearer than it must be.
+obstacle(Side, Car, Gap, Needed) :-
+    target_vehicle(Car), in_way(Car, Side), gap(Car, Gap), needed_gap(Car, Needed), Gap < Needed.
+
+% -------------------------------------------------------------------------------------------------- safe actions
+
+% left_is_valid, right_is_valid: there is a lane of the ego's direction on that side. Source: paper, SLP for AD.
+left_is_valid :- side_lane(left, _).
+right_is_valid :- side_lane(right, _).
+
+% left_is_safe, right_is_safe: nobody in or drifting into that lane is nearer than it must be. Source: paper, SLP for AD.
+left_is_safe :- \+ obstacle(left, _, _, _).
+right_is_safe :- \+ obstacle(right, _, _, _).
+
+% safe_actions(Action): Action may be offered to the agent. Keeping the lane always may: the longitudinal rules brake.
+% Source: paper, SLP for AD.
+safe_actions(lane_keeping).
+safe_actions(left_lane_change) :- settled, left_is_valid, left_is_safe.
+safe_actions(right_lane_change) :- settled, right_is_valid, right_is_safe.
+
+% possible_actions(Actions): all of them. Source: paper, SLP for AD.
+possible_actions(Actions) :- findall(Action, safe_actions(Action), Actions).
+
+% entry_is_safe: the ego may be placed where it is: nobody in its own way is nearer than it must be.
+entry_is_safe :- \+ obstacle(own, _, _, _).
+
+% objection(Action, Reason): why a lane change is not offered: changing_lanes, no_lane or too_close(Car, Gap, Needed).
+objection(left_lane_change, Reason) :- side_objection(left, Reason).
+objection(right_lane_change, Reason) :- side_objection(right, Reason).
+
+side_objection(_, changing_lanes) :- \+ settled.
+side_objection(Side, no_lane) :- \+ side_lane(Side, _).
+side_objection(Side, too_close(Car, Gap, Needed)) :- obstacle(Side, Car, Gap, Needed).
+
+% -------------------------------------------------------------------------------------- giving up a lane change
+
+% lane_to_keep(Lane): the lane that lane_keeping steers for: the target lane, or, while the ego's centre has not left the
+% lane it came from, that lane again if somebody moves into the way.
+lane_to_keep(Home) :-
+    lane(ego, Home), target_lane(Target), Target \== Home,
+    side_lane(Side, Target), pressing(Side, _), \+ pressing(home, _), !.
+lane_to_keep(Target) :- target_lane(Target).
+
+% pressing(Side, Car): Car is in the way of Side and will be alongside before a lane change is over.
+pressing(Side, Car) :-
+    target_vehicle(Car), in_way(Car, Side),
+    gap(Car, Gap), closing_speed(Car, V), lane_change_time(T), standstill_gap(D),
+    Gap < D + V * T.
+
+% closing_speed(Car, V): how fast the gap between Car and the ego shrinks; 0 where it grows.
+closing_speed(Car, V) :- offset(Car, S), S >= 0.0, speed(ego, V1), speed(Car, V2), V is max(0.0, V1 - V2).
+closing_speed(Car, V) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), V is max(0.0, V2 - V1).
