@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
+from drlsl.traffic.road import Direction, Lane
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Ids: TypeAlias = npt.NDArray[np.int32]
@@ -25,39 +26,12 @@ OFF_LANE = 0
 """`Frames.lane` of a vehicle whose centre lies in none of the recording's lanes: ramp, shoulder, median."""
 
 
-class Direction(Enum):
-    """Which way a lane runs, seen from above with x to the right and y downward."""
-
-    LEFT_TO_RIGHT = "left_to_right"
-    RIGHT_TO_LEFT = "right_to_left"
-
-    @property
-    def sign(self) -> int:
-        """Sign of vx of the traffic: +1 or -1. The driver's left is -sign on the y axis."""
-        return 1 if self is Direction.LEFT_TO_RIGHT else -1
-
-
 class VehicleClass(Enum):
     """What kind of road user a vehicle is."""
 
     CAR = "car"
     TRUCK = "truck"
     MOTORCYCLE = "motorcycle"
-
-
-@dataclass(frozen=True, slots=True)
-class Lane:
-    """One lane of the road, a strip along x.
-
-    `id` counts 1, 2, 3 … from the top (smallest y) over both directions; `centre` [m] is its y, `width` [m]
-    its extent in y, `speed_limit` [m/s] what applies there.
-    """
-
-    id: int
-    direction: Direction
-    centre: float
-    width: float
-    speed_limit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +89,9 @@ class Recording:
     """Traffic on one straight stretch of road at a fixed frame rate.
 
     Coordinates: x along the road to the right, y across it and downward; boxes are axis-aligned and given by
-    their centre. Frame i is at i / frame_rate seconds. `[x_min, x_max]` [m] is the recorded stretch, `lanes` are
-    sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped` tells which rows of the source
-    are missing here and `notes` what was estimated or corrected, in sentences for people.
+    their centre. Frame i is at i / frame_rate seconds. `[x_min, x_max]` [m] is the recorded stretch, `lanes`
+    are sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped` tells which rows of the
+    source are missing here and `notes` what was estimated or corrected, in sentences for people.
     """
 
     name: str
