@@ -1,0 +1,34 @@
+"""The reward, term by term."""
+
+from __future__ import annotations
+
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.config import RewardConfig
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+TERMS: Final = ("lane_change", "velocity", "collision", "off_road")
+"""Names of the reward's terms, in the order of the paper."""
+
+
+def reward_terms(
+    config: RewardConfig, *, changed: Mask, speed: Floats, contact: Mask, off_road: Mask, progress: Floats
+) -> dict[str, Floats]:
+    """Weighted terms, each of shape (N,); the reward is their sum.
+
+    `changed`: a lane change was started; `speed` [m/s]; `progress` in [0, 1]: distance driven over the track's length.
+
+    Source: paper, Reward Function.
+    """
+    late = 1.0 - config.discount * np.minimum(np.maximum(progress, 0.0), 1.0)
+    return {
+        "lane_change": -config.lane_change * changed,
+        "velocity": config.velocity * speed,
+        "collision": -config.collision * late * contact,
+        "off_road": -config.off_road * late * off_road,
+    }
