@@ -9,6 +9,7 @@
 %   time_step(Dt)                                      the time until the rules are asked again
 %   radar_range(R)                                     how far the ego sees
 %   acceleration_limit(A), braking_limit(B)            the hardest the ego can speed up and brake
+%   centre_tolerance(D)                                how near its lane's centre line the ego takes up a lane change
 %
 % Asked of every program:  safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
 % state(Observation), entry_is_safe.  Asked where present: lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
@@ -20,6 +21,7 @@
 :- dynamic(radar_range/1).
 :- dynamic(acceleration_limit/1).
 :- dynamic(braking_limit/1).
+:- dynamic(centre_tolerance/1).
 
 :- include('longitudinal.pl').
 :- include('observation.pl').
@@ -46,9 +48,6 @@ lateral_margin(0.3).
 
 % lane_change_time(T): how long a lane change takes, from the first move to the new lane's centre.
 lane_change_time(3.0).
-
-% centre_tolerance(D): how near the centre line the ego must be to count as settled in its lane.
-centre_tolerance(0.4).
 
 % drift_horizon(Side, T): how far ahead a vehicle's sideways motion is followed to see whether it enters the way of Side.
 % A lane change claims the lane for its whole duration; the ego's own lane is watched anew at every step.

@@ -39,5 +39,7 @@ def action_of_atom(atom: object) -> Action:
     action = _BY_ATOM.get(atom) if isinstance(atom, str) else None
     if action is None:
         known = ", ".join(ATOMS)
-        raise UserError(f"the rules offer the action {atom!r}, which the agent does not know; it knows {known}")
+        raise UserError(
+            f"the rules offer the action {atom!r}, which the agent does not know; it knows {known}"
+        )
     return action

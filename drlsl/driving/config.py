@@ -29,10 +29,17 @@ class RewardConfig(BaseModel):
 
     lane_change: float = Field(5.0, ge=0, description="Weight of a started lane change (its term is -1).")
     velocity: float = Field(0.01, ge=0, description="Weight of the ego's speed in m/s, at every step.")
-    collision: float = Field(100.0, ge=0, description="Weight of a contact (its term is -(1 - discount x/X)).")
-    off_road: float = Field(100.0, ge=0, description="Weight of leaving the road (its term is -(1 - discount x/X)).")
+    collision: float = Field(
+        100.0, ge=0, description="Weight of a contact (its term is -(1 - discount x/X))."
+    )
+    off_road: float = Field(
+        100.0, ge=0, description="Weight of leaving the road (its term is -(1 - discount x/X))."
+    )
     discount: float = Field(
-        0.8, ge=0, le=1, description="How much less a contact or leaving the road costs at the end of the track."
+        0.8,
+        ge=0,
+        le=1,
+        description="How much less a contact or leaving the road costs at the end of the track.",
     )
 
 
@@ -45,17 +52,24 @@ class EnvConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     recording: str = Field(
-        "highway-train", min_length=1, description="A bundled recording's name or the path of a highD folder or NGSIM file."
+        "highway-train",
+        min_length=1,
+        description="A bundled recording's name or the path of a highD folder or NGSIM file.",
     )
     direction: Literal["both", "left_to_right", "right_to_left"] = Field(
-        "both", description="Which carriageway the ego drives on; both: drawn for every episode from those there are."
+        "both",
+        description="Which carriageway the ego drives on; both: drawn for every episode from those there are.",
     )
-    rules: tuple[str, ...] = Field((), description="Rule files to consult, in order; none: the default program, highway.pl.")
+    rules: tuple[str, ...] = Field(
+        (), description="Rule files to consult, in order; none: the default program, highway.pl."
+    )
     tier: Literal["auto", "interpreter", "scalar", "numpy"] = Field(
         "auto", description="What runs the rules; auto: the fastest that can run this program."
     )
     track_length: float = Field(TRACK_LENGTH, gt=0, description="Metres to drive in an episode.")
-    radar_range: float = Field(RADAR_RANGE, gt=0, description="Metres within which the ego sees other vehicles.")
+    radar_range: float = Field(
+        RADAR_RANGE, gt=0, description="Metres within which the ego sees other vehicles."
+    )
     ego_length: float = Field(EGO_LENGTH, gt=0, description="Length of the ego in metres.")
     ego_width: float = Field(EGO_WIDTH, gt=0, description="Width of the ego in metres.")
     reward: RewardConfig = Field(RewardConfig(), description="Weights and shape of the reward.")

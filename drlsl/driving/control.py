@@ -22,6 +22,9 @@ LATERAL_ACCELERATION_LIMIT: Final = 3.0
 LATERAL_SPEED_LIMIT: Final = 1.8
 """The fastest the ego moves sideways [m/s]; a lane change of 3.5 m takes about 3 s."""
 
+CENTRE_TOLERANCE: Final = 0.4
+"""Offset from the target lane's centre [m] up to which the ego takes up a new lane change."""
+
 SPEED_INTEGRAL_GAIN: Final = 0.1
 """Integral gain of the speed controller [1/s²]."""
 

@@ -1,4 +1,4 @@
-"""The road: directions and lanes, in SI units. Standard library only, so that asking for a scene stays quick."""
+"""The road: directions and lanes, in SI units. Standard library only, so that `drlsl query` starts quickly."""
 
 from __future__ import annotations
 

@@ -1,0 +1,108 @@
+"""Many scenes at once, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.actions import Action
+from drlsl.driving.scene import EGO, Road, Scene, Vehicle
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+EGO_ID: Final = -1
+"""`SceneBatch.id` of the ego; other vehicles have ids >= 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneBatch:
+    """N scenes with up to K vehicles each; the ego is in column 0, and only `valid` slots hold a vehicle in radar range.
+
+    `road` (N,) indexes `roads`; `target_lane` (N,) lane ids; the rest are of shape (N, K + 1): `id`, `lane` ids,
+    `x`, `y` [m], `vx`, `vy` [m/s], `length`, `width` [m]. Numbers of slots that are not valid are finite and mean nothing.
+    """
+
+    roads: tuple[Road, ...]
+    road: Integers
+    target_lane: Integers
+    id: Integers
+    lane: Integers
+    x: Floats
+    y: Floats
+    vx: Floats
+    vy: Floats
+    length: Floats
+    width: Floats
+    valid: Mask
+
+    def __len__(self) -> int:
+        return len(self.road)
+
+    def scene(self, index: int) -> Scene:
+        """One scene of the batch; vehicle 12 is called v12."""
+        rows = np.flatnonzero(self.valid[index]).tolist()
+        columns = (self.id, self.lane, self.x, self.y, self.vx, self.vy, self.length, self.width)
+        ids, *numbers = (column[index][rows].tolist() for column in columns)
+        names = [EGO if vehicle == EGO_ID else f"v{vehicle}" for vehicle in ids]
+        ego, *others = map(Vehicle, names, *numbers)
+        return Scene(self.roads[int(self.road[index])], ego, tuple(others), int(self.target_lane[index]))
+
+    @classmethod
+    def of(cls, scenes: Sequence[Scene]) -> SceneBatch:
+        """The batch of `scenes`, each with the vehicles in range, numbered in their order."""
+        roads: dict[Road, int] = {}
+        road = [roads.setdefault(scene.road, len(roads)) for scene in scenes]
+        rows = [(scene.ego, *scene.in_range()) for scene in scenes]
+        slots = max(map(len, rows))
+        table = np.zeros((7, len(rows), slots))
+        valid = np.zeros((len(rows), slots), dtype=np.bool_)
+        for n, vehicles in enumerate(rows):
+            table[:, n, : len(vehicles)] = np.array([vehicle[1:] for vehicle in vehicles], dtype=np.float64).T
+            valid[n, : len(vehicles)] = True
+        ids = np.broadcast_to(np.arange(EGO_ID, slots + EGO_ID), valid.shape)
+        lane, x, y, vx, vy, length, width = table
+        return cls(
+            roads=tuple(roads),
+            road=np.array(road),
+            target_lane=np.array([scene.target_lane for scene in scenes]),
+            id=ids,
+            lane=lane.astype(np.int64),
+            x=x,
+            y=y,
+            vx=vx,
+            vy=vy,
+            length=length,
+            width=width,
+            valid=valid,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decisions:
+    """What the rules say about N scenes.
+
+    `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N, 10) in [0, 1];
+    `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the fail-safe instead of an answer.
+    """
+
+    action_mask: Mask
+    target_speed: Floats
+    observation: Floats
+    front_is_free: Mask
+    lane_to_keep: Integers
+    failures: dict[int, str]
+
+
+def fail_safe_speed(speed: float, road: Road) -> float:
+    """The target speed [m/s] of the fail-safe: as hard as the ego brakes."""
+    return max(0.0, speed - road.braking_limit * road.time_step)
+
+
+FAIL_SAFE_MASK: Final = tuple(action is Action.LANE_KEEPING for action in Action)
+"""The action mask of the fail-safe: keep the lane, and brake."""

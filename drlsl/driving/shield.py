@@ -1,0 +1,209 @@
+"""The shield: a rule program, asked what is safe in a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from drlsl.driving.actions import Action, action_of_atom
+from drlsl.driving.scene import Road, Scene, road_facts, scene_facts
+from drlsl.errors import UserError
+from drlsl.logic import Engine, Limits, PrologError, Solution
+
+if TYPE_CHECKING:
+    from drlsl.driving.batch import Decisions, SceneBatch
+    from drlsl.driving.tiers import ArrayTier
+
+OBSERVATION_SIZE: Final = 10
+"""Numbers in an observation. Source: paper, State Space."""
+
+LIMITS: Final = Limits(inferences=2_000_000)
+"""What one question to the rules may cost; a program that never ends must not stop the car from braking."""
+
+REQUIRED: Final = (
+    ("safe_actions", 1),
+    ("front_is_free", 0),
+    ("longitudinal_velocity", 1),
+    ("state", 1),
+    ("entry_is_safe", 0),
+)
+"""The predicates that a rule program must define."""
+
+
+class RuleFailure(Exception):
+    """The rules gave no usable answer for a scene: an error, an exhausted limit, no action, a number out of range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the rules say about one scene.
+
+    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: 10 numbers in [0, 1];
+    `front_is_free`; `lane_to_keep`: the lane that lane keeping steers for.
+    """
+
+    safe_actions: tuple[Action, ...]
+    target_speed: float
+    observation: tuple[float, ...]
+    front_is_free: bool
+    lane_to_keep: int
+
+    @property
+    def action_mask(self) -> tuple[int, int, int]:
+        """1 for every action that is offered, by action index."""
+        keep, left, right = (int(action in self.safe_actions) for action in Action)
+        return keep, left, right
+
+
+class Shield:
+    """A rule program and the engine that runs it."""
+
+    def __init__(self, engine: Engine, *, tier: str = "interpreter") -> None:
+        """Check the program that `engine` has consulted.
+
+        Raises:
+            UserError: a predicate of `REQUIRED` is missing, or `tier` cannot run the program.
+        """
+        missing = [f"{name}/{arity}" for name, arity in REQUIRED if not engine.defines(name, arity)]
+        if missing:
+            raise UserError(
+                f"the rule program does not define {', '.join(missing)}; rules/highway.pl shows what is asked"
+            )
+        self.engine = engine
+        self._gives_lane = engine.defines("lane_to_keep", 1)
+        self._road: Road | None = None
+        self._safe_actions = engine.prepare("safe_actions(Action)")
+        self._front_is_free = engine.prepare("front_is_free")
+        self._velocity = engine.prepare("longitudinal_velocity(Speed)")
+        self._state = engine.prepare("state(Observation)")
+        self._lane_to_keep = engine.prepare("lane_to_keep(Lane)")
+        self._entry_is_safe = engine.prepare("entry_is_safe")
+        self._requested_tier = tier
+        self._arrays: ArrayTier | None = None
+
+    @classmethod
+    def default(cls, *, tier: str = "interpreter") -> Shield:
+        """The shield of the default program, highway.pl."""
+        return cls.from_files(default_rules(), tier=tier)
+
+    @classmethod
+    def from_files(cls, paths: Sequence[str | Path], *, tier: str = "interpreter") -> Shield:
+        """The shield of the program that `paths` hold, consulted in order; no path: the default program.
+
+        Raises:
+            UserError: a file cannot be read, or the program lacks a predicate that is asked.
+            PrologError: a file is not a valid program.
+        """
+        engine = Engine()
+        for path in paths or default_rules():
+            try:
+                engine.consult(path)
+            except OSError as error:
+                raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+        return cls(engine, tier=tier)
+
+    def decide(self, scene: Scene) -> Decision:
+        """What is safe in `scene`.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: the rules offer an action that the agent does not know.
+        """
+        self.state_facts(scene)
+        try:
+            return self._checked(
+                actions=[solution["Action"] for solution in self._safe_actions.run(limits=LIMITS)],
+                speed=_value(self._velocity.once(limits=LIMITS), "Speed", "longitudinal_velocity/1"),
+                observation=_value(self._state.once(limits=LIMITS), "Observation", "state/1"),
+                front_is_free=self._front_is_free.once(limits=LIMITS) is not None,
+                lane=_value(self._lane_to_keep.once(limits=LIMITS), "Lane", "lane_to_keep/1")
+                if self._gives_lane
+                else scene.target_lane,
+            )
+        except PrologError as error:
+            raise RuleFailure(f"the rules raised an error: {error}") from error
+
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Whether the ego may be placed where `scene` has it.
+
+        Raises:
+            RuleFailure: the rules raised an error.
+        """
+        self.state_facts(scene)
+        try:
+            return self._entry_is_safe.once(limits=LIMITS) is not None
+        except PrologError as error:
+            raise RuleFailure(f"the rules raised an error: {error}") from error
+
+    def decide_batch(self, scenes: SceneBatch) -> Decisions:
+        """What is safe in each of N scenes; a scene without a usable answer gets the fail-safe, and is marked."""
+        return self._array_tier().decide(scenes)
+
+    def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
+        """Whether the ego may be placed where each of N scenes has it; False where the rules gave no usable answer."""
+        return self._array_tier().entries_are_safe(scenes)
+
+    @property
+    def tier(self) -> str:
+        """What runs the rules for a batch: interpreter, scalar or numpy."""
+        return self._array_tier().name
+
+    def _array_tier(self) -> ArrayTier:
+        if self._arrays is None:
+            from drlsl.driving.tiers import choose_tier  # numpy: loaded only where batches are asked
+
+            self._arrays = choose_tier(self, self._requested_tier)
+        return self._arrays
+
+    def state_facts(self, scene: Scene) -> None:
+        """Tell the engine about `scene`: its facts replace those of the scene before."""
+        if scene.road is not self._road:
+            for (name, arity), rows in road_facts(scene.road).items():
+                self.engine.replace_facts(name, arity, rows)
+            self._road = scene.road
+        for (name, arity), rows in scene_facts(scene).items():
+            self.engine.replace_facts(name, arity, rows)
+
+    def _checked(
+        self, *, actions: list[object], speed: object, observation: object, front_is_free: bool, lane: object
+    ) -> Decision:
+        """The decision, after every answer has been found usable."""
+        safe = tuple(dict.fromkeys(action_of_atom(atom) for atom in actions))
+        if not safe:
+            raise RuleFailure("the rules offer no action")
+        if not _is_number(speed) or speed < 0:
+            raise RuleFailure(f"longitudinal_velocity/1 gave {speed!r}; expected a speed in m/s, 0 or more")
+        if not isinstance(observation, list) or len(observation) != OBSERVATION_SIZE:
+            raise RuleFailure(f"state/1 gave {observation!r}; expected a list of {OBSERVATION_SIZE} numbers")
+        if not all(_is_number(item) and 0 <= item <= 1 for item in observation):
+            raise RuleFailure(f"state/1 gave {observation!r}; expected numbers from 0 to 1")
+        if not isinstance(lane, int):
+            raise RuleFailure(f"lane_to_keep/1 gave {lane!r}; expected a lane")
+        return Decision(safe, float(speed), tuple(map(float, observation)), front_is_free, lane)
+
+
+def default_rules() -> tuple[Path, ...]:
+    """The files of the default program: in the installed package, or in the checkout of an editable install.
+
+    Raises:
+        UserError: neither place has them.
+    """
+    package = Path(str(files("drlsl")))
+    for folder in (package / "rules", package.parent / "rules"):
+        if (folder / "highway.pl").is_file():
+            return (folder / "highway.pl",)
+    raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def _value(solution: Solution | None, variable: str, predicate: str) -> object:
+    if solution is None:
+        raise RuleFailure(f"{predicate} has no solution")
+    return solution[variable]

@@ -1,0 +1,105 @@
+"""How a batch of scenes gets its answers: the interpreter, generated code for one scene, or arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from drlsl.driving.batch import FAIL_SAFE_MASK, Decisions, SceneBatch, fail_safe_speed
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import OBSERVATION_SIZE, Decision, RuleFailure
+
+if TYPE_CHECKING:
+    from drlsl.driving.shield import Shield
+
+
+class ArrayTier(Protocol):
+    """Answers for a batch of scenes."""
+
+    @property
+    def name(self) -> str:
+        """interpreter, scalar or numpy."""
+
+    def decide(self, scenes: SceneBatch) -> Decisions:
+        """What is safe in each scene, or its fail-safe."""
+
+    def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
+        """Whether the ego may be placed where each scene has it."""
+
+
+class Asker(Protocol):
+    """Answers for one scene; both may raise RuleFailure."""
+
+    def decide(self, scene: Scene) -> Decision:
+        """What is safe in `scene`."""
+
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Whether the ego may be placed where `scene` has it."""
+
+
+class SceneBySceneTier:
+    """A batch answered one scene at a time."""
+
+    def __init__(self, name: str, asker: Asker) -> None:
+        self.name = name
+        self._asker = asker
+
+    def decide(self, scenes: SceneBatch) -> Decisions:
+        """What is safe in each scene, or its fail-safe."""
+        count = len(scenes)
+        decisions = Decisions(
+            action_mask=np.zeros((count, 3), dtype=np.bool_),
+            target_speed=np.zeros(count),
+            observation=np.zeros((count, OBSERVATION_SIZE)),
+            front_is_free=np.zeros(count, dtype=np.bool_),
+            lane_to_keep=np.zeros(count, dtype=np.int64),
+            failures={},
+        )
+        for index in range(count):
+            scene = scenes.scene(index)
+            try:
+                decision = self._asker.decide(scene)
+            except RuleFailure as failure:
+                fail_safely(decisions, index, scene, str(failure))
+            else:
+                fill(decisions, index, decision)
+        return decisions
+
+    def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
+        """Whether the ego may be placed where each scene has it."""
+        return [self._entry_is_safe(scenes.scene(index)) for index in range(len(scenes))]
+
+    def _entry_is_safe(self, scene: Scene) -> bool:
+        try:
+            return self._asker.entry_is_safe(scene)
+        except RuleFailure:
+            return False  # a place the rules cannot judge is no place to start from
+
+
+def fill(decisions: Decisions, index: int, decision: Decision) -> None:
+    """Write one scene's decision into the arrays."""
+    decisions.action_mask[index] = decision.action_mask
+    decisions.target_speed[index] = decision.target_speed
+    decisions.observation[index] = decision.observation
+    decisions.front_is_free[index] = decision.front_is_free
+    decisions.lane_to_keep[index] = decision.lane_to_keep
+
+
+def fail_safely(decisions: Decisions, index: int, scene: Scene, reason: str) -> None:
+    """Write the fail-safe for one scene into the arrays: keep the lane and brake, and say why."""
+    decisions.action_mask[index] = FAIL_SAFE_MASK
+    decisions.target_speed[index] = fail_safe_speed(abs(scene.ego.vx), scene.road)
+    decisions.observation[index] = 0.0
+    decisions.front_is_free[index] = False
+    decisions.lane_to_keep[index] = scene.target_lane
+    decisions.failures[index] = reason
+
+
+def choose_tier(shield: Shield, requested: str) -> ArrayTier:
+    """The tier that `requested` names; `auto` is the fastest that can run the shield's program.
+
+    Raises:
+        UserError: the tier that was asked for cannot run the program.
+    """
+    return SceneBySceneTier("interpreter", shield)
