@@ -1,0 +1,1 @@
+"""Deep Q-learning with a shield. Import the modules below; this package itself loads nothing."""

@@ -1,0 +1,338 @@
+"""The configuration of a training run, and how it is read from YAML and shown again."""
+
+import difflib
+import importlib.resources
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from drlsl.driving.config import EnvConfig
+from drlsl.errors import UserError
+
+Method = Literal["dqn", "dqnsl"]
+Bootstrap = Literal["all", "safe"]
+Device = Literal["auto", "cpu", "cuda"]
+Position = tuple[int, int]
+"""Line and column of a value in its file, both from 1."""
+
+Rate = Annotated[float, Field(gt=0.0, le=1.0)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+Width = Annotated[int, Field(ge=1, le=4096)]
+
+
+class _Section(BaseModel):
+    """A frozen group of settings that refuses keys it does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class NetworkConfig(_Section):
+    """The Q-network.
+
+    Source: paper, Network and Hyperparameters.
+    """
+
+    hidden: tuple[Width, ...] = Field(
+        default=(256, 256),
+        min_length=1,
+        max_length=8,
+        description="Width of each hidden layer; a ReLU follows each.",
+    )
+
+
+class LearningConfig(_Section):
+    """The Q-learning update and its replay memory.
+
+    Source: paper, Algorithm 1 and Network and Hyperparameters.
+    """
+
+    discount: float = Field(default=0.95, ge=0, lt=1, description="What a reward one step later is worth.")
+    batch_size: int = Field(default=128, ge=1, le=65_536, description="Transitions in a minibatch.")
+    replay_capacity: int = Field(
+        default=100_000, ge=1, le=10_000_000, description="Transitions kept; the oldest is overwritten."
+    )
+    learning_starts: int = Field(
+        default=128,
+        ge=1,
+        description="Transitions held before the first update; from then on one update per step.",
+    )
+    target_every: int = Field(
+        default=1_000,
+        ge=1,
+        description="Updates from one copy of the network into the target network to the next.",
+    )
+    bootstrap: Bootstrap = Field(
+        default="safe",
+        description="What the target's maximum runs over: all actions, as Algorithm 1 prints it, "
+        "or those that are offered in the next state (safe).",
+    )
+
+    @model_validator(mode="after")
+    def _sizes_fit(self) -> Self:
+        if not self.batch_size <= self.learning_starts <= self.replay_capacity:
+            raise ValueError(
+                "expected batch_size <= learning_starts <= replay_capacity, "
+                f"got {self.batch_size}, {self.learning_starts} and {self.replay_capacity}"
+            )
+        return self
+
+
+class ScheduleConfig(_Section):
+    """Linear decay of the learning rate and the exploration rate, one step of it per episode.
+
+    Source: paper, Network and Hyperparameters.
+    """
+
+    learning_rate_start: Rate = Field(default=0.01, description="Adam's learning rate in the first episode.")
+    learning_rate_end: Rate = Field(default=1e-4, description="Adam's learning rate once the decay is over.")
+    epsilon_start: Probability = Field(
+        default=0.1, description="Chance of a random action in the first episode."
+    )
+    epsilon_end: Probability = Field(
+        default=0.001, description="Chance of a random action once the decay is over."
+    )
+    fraction: Rate = Field(
+        default=1.0,
+        description="Share of the training's episodes that the decay takes; after it the end values stay.",
+    )
+
+
+class EvaluationConfig(_Section):
+    """How a trained policy is judged."""
+
+    episodes: int = Field(default=50, ge=1, le=100_000, description="Episodes of `drlsl eval`.")
+    episodes_after_training: int = Field(
+        default=10,
+        ge=0,
+        le=100_000,
+        description="Episodes of the short evaluation that ends `drlsl train`; 0: none.",
+    )
+
+
+class TrainConfig(_Section):
+    """Everything that decides the outcome of a training run; the defaults are the paper's values."""
+
+    method: Method = Field(
+        default="dqnsl",
+        description="What the agent chooses from: all actions (dqn) or those the rules find safe (dqnsl).",
+    )
+    episodes: int = Field(default=1_500, ge=1, le=10_000_000, description="Episodes of training.")
+    seed: int = Field(
+        default=0,
+        ge=0,
+        lt=2**63,
+        description="Seed of all that is random: weights, exploration, minibatches, episodes.",
+    )
+    device: Device = Field(
+        default="auto", description="Where the network lives; auto: CUDA if PyTorch finds it."
+    )
+    threads: int = Field(
+        default=1,
+        ge=1,
+        le=256,
+        description="PyTorch's CPU threads; with a network this small one is fastest.",
+    )
+    checkpoint_every: int = Field(default=25, ge=1, description="Episodes from one checkpoint to the next.")
+    env: EnvConfig = Field(default_factory=EnvConfig, description="The environment.")
+    network: NetworkConfig = Field(default_factory=NetworkConfig, description="The Q-network.")
+    learning: LearningConfig = Field(
+        default_factory=LearningConfig, description="The update and the replay memory."
+    )
+    schedule: ScheduleConfig = Field(
+        default_factory=ScheduleConfig, description="Decay of learning rate and exploration."
+    )
+    evaluation: EvaluationConfig = Field(
+        default_factory=EvaluationConfig, description="How the policy is judged."
+    )
+
+
+def preset_names() -> list[str]:
+    """Names of the configurations that ship with the package."""
+    folder = importlib.resources.files("drlsl.learning").joinpath("presets")
+    return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
+
+
+def preset_values(name: str) -> dict[str, Any]:
+    """The values a shipped configuration sets.
+
+    Raises:
+        UserError: there is no such preset.
+    """
+    known = preset_names()
+    if name not in known:
+        raise UserError(f"no preset '{name}': expected one of {', '.join(known)}")
+    text = importlib.resources.files("drlsl.learning").joinpath("presets", f"{name}.yaml").read_text("utf-8")
+    return parse_yaml(text, f"preset {name}")[0]
+
+
+def load_config(path: Path) -> TrainConfig:
+    """Read a training configuration from a YAML file; what it leaves out keeps its default.
+
+    Raises:
+        UserError: the file cannot be read, is not YAML, or holds an unknown key or a bad value.
+    """
+    values, positions = read_yaml(path)
+    return make_config(values, str(path), positions)
+
+
+def read_yaml(path: Path) -> tuple[dict[str, Any], dict[str, Position]]:
+    """Read a YAML mapping and the position of each value by dotted path.
+
+    Raises:
+        UserError: the file cannot be read or is not a YAML mapping.
+    """
+    try:
+        text = path.read_text("utf-8")
+    except OSError as error:
+        raise UserError(f"{path}: cannot read the configuration: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not UTF-8 text at byte {error.start}") from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, source: str) -> tuple[dict[str, Any], dict[str, Position]]:
+    """Parse a YAML mapping; `source` names it in errors.
+
+    Raises:
+        UserError: the text is not YAML, holds a key twice, or is not a mapping.
+    """
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        positions = dict(_positions(node, source)) if node is not None else {}
+        values = yaml.safe_load(text)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"{source}:{mark.line + 1}:{mark.column + 1}" if mark else source
+        raise UserError(f"{where}: not valid YAML: {error.problem or error.context}") from error
+    except yaml.YAMLError as error:
+        raise UserError(f"{source}: not valid YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise UserError(f"{source}: the YAML is nested too deeply") from error
+    if values is None:
+        return {}, positions
+    if not isinstance(values, dict):
+        raise UserError(f"{source}: expected keys with values (such as 'episodes: 100'), got {_show(values)}")
+    return values, positions
+
+
+def _positions(node: yaml.Node, source: str, path: str = "") -> Iterator[tuple[str, Position]]:
+    """Dotted path and position of each value below a mapping node; a key given twice is an error."""
+    if not isinstance(node, yaml.MappingNode):
+        return
+    seen: set[str] = set()
+    for key, value in node.value:
+        name = str(key.value)
+        where = (key.start_mark.line + 1, key.start_mark.column + 1)
+        if name in seen:
+            raise UserError(f"{source}:{where[0]}:{where[1]}: key '{path}{name}' is given twice")
+        seen.add(name)
+        yield f"{path}{name}", where
+        if value is not node:
+            yield from _positions(value, source, f"{path}{name}.")
+
+
+def make_config(
+    values: Mapping[str, Any], source: str, positions: Mapping[str, Position] | None = None
+) -> TrainConfig:
+    """Check values and make the frozen configuration; `source` and `positions` say where each came from.
+
+    Raises:
+        UserError: a key is unknown (the message names the nearest known one) or a value is out of bounds.
+    """
+    places = positions or {}
+    unknown = [
+        f"{_where(source, places, path)}unknown key '{path}'{_nearest_key(path)}"
+        for path in _unknown_keys(TrainConfig, values)
+    ]
+    if unknown:
+        raise UserError("; ".join(unknown))
+    try:
+        return TrainConfig.model_validate(values)
+    except ValidationError as error:
+        raise UserError("; ".join(_explain(item, source, places) for item in error.errors())) from error
+
+
+def with_value(values: Mapping[str, Any], path: str, value: object) -> dict[str, Any]:
+    """A copy of nested values with one of them, named by its dotted path, replaced."""
+    head, _, rest = path.partition(".")
+    if not rest:
+        return {**values, head: value}
+    below = values.get(head)
+    return {**values, head: with_value(below if isinstance(below, Mapping) else {}, rest, value)}
+
+
+def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested values of `base` with those of `over` laid on top."""
+    result = dict(base)
+    for key, value in over.items():
+        below = result.get(key)
+        both = isinstance(below, Mapping) and isinstance(value, Mapping)
+        result[key] = merged(below, value) if both else value  # type: ignore[arg-type]  # narrowed by `both`
+    return result
+
+
+def dump_yaml(config: TrainConfig) -> str:
+    """The complete configuration as YAML that `load_config` reads back to an equal one."""
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def describe_keys(model: type[BaseModel] = TrainConfig, path: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted path and description of each setting, in order."""
+    for name, field in model.model_fields.items():
+        section = _section(field.annotation)
+        if section is None:
+            yield f"{path}{name}", field.description or ""
+        else:
+            yield from describe_keys(section, f"{path}{name}.")
+
+
+def _section(annotation: object) -> type[BaseModel] | None:
+    return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
+
+
+def _unknown_keys(model: type[BaseModel], values: Mapping[Any, Any], path: str = "") -> Iterator[str]:
+    for key, value in values.items():
+        if key not in model.model_fields:
+            yield f"{path}{key}"
+            continue
+        section = _section(model.model_fields[key].annotation)
+        if section is not None and isinstance(value, Mapping):
+            yield from _unknown_keys(section, value, f"{path}{key}.")
+
+
+def _nearest_key(path: str) -> str:
+    """A hint at the known key that looks most like `path`, wherever it lives."""
+    known = [name for name, _ in describe_keys()]
+    sections = {name.rpartition(".")[0] for name in known} - {""}
+    by_leaf = {name.rpartition(".")[2]: name for name in reversed(known)}
+    leaf = difflib.get_close_matches(path.rpartition(".")[2], by_leaf, n=1, cutoff=0.8)
+    whole = difflib.get_close_matches(path, [*known, *sections], n=1)
+    match = by_leaf[leaf[0]] if leaf else (whole[0] if whole else "")
+    return f"; did you mean '{match}'?" if match else "; `drlsl train --print-config` shows the known keys"
+
+
+def _explain(problem: ErrorDetails, source: str, places: Mapping[str, Position]) -> str:
+    path = ".".join(str(part) for part in problem["loc"])
+    text = problem["msg"].removeprefix("Value error, ")
+    value = problem["input"]
+    got = "" if isinstance(value, Mapping | BaseModel) else f", got {_show(value)}"
+    return f"{_where(source, places, path)}{path}: {text[:1].lower()}{text[1:]}{got}"
+
+
+def _where(source: str, places: Mapping[str, Position], path: str) -> str:
+    """Where a value was given: the nearest enclosing key that the file holds."""
+    while path and path not in places:
+        path = path.rpartition(".")[0]
+    if not path:
+        return f"{source}: "
+    line, column = places[path]
+    return f"{source}:{line}:{column}: "
+
+
+def _show(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,35 @@
+"""Fixtures of the learner's tests."""
+
+import pytest
+
+from drlsl import driving
+from drlsl.config import TrainConfig, make_config
+from drlsl.driving.config import EnvConfig
+from .fake import FakeHighway
+
+
+@pytest.fixture
+def tiny_config() -> TrainConfig:
+    """A training of a few short episodes with a small network."""
+    return make_config(
+        {
+            "episodes": 6,
+            "checkpoint_every": 2,
+            "device": "cpu",
+            "network": {"hidden": [16]},
+            "learning": {"batch_size": 8, "learning_starts": 8, "target_every": 10, "replay_capacity": 100},
+            "schedule": {"epsilon_start": 0.5},
+            "evaluation": {"episodes": 2, "episodes_after_training": 2},
+        },
+        "test",
+    )
+
+
+@pytest.fixture
+def fake_driving(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let configurations make the fake environment."""
+
+    def make_env(config: EnvConfig) -> FakeHighway:
+        return FakeHighway(config.track_length)
+
+    monkeypatch.setattr(driving, "make_env", make_env, raising=False)
