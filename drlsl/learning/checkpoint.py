@@ -1,0 +1,78 @@
+"""Files of a run that are written whole or not at all: checkpoints, weights and text."""
+
+import io
+import os
+import pickle
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from drlsl.errors import UserError
+
+FORMAT = 1
+"""Version of the checkpoint and weight files; a reader refuses any other."""
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Replace a file by `content` so that a crash leaves the old file or the new one, never a part."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        # mkstemp makes files for the owner alone; the rest of the run folder follows the umask.
+        temporary.chmod(0o666 & ~_umask())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    _sync_folder(path.parent)
+
+
+def save_state(path: Path, kind: str, state: Mapping[str, Any]) -> None:
+    """Write plain types and tensors as a file of a kind ("checkpoint", "policy")."""
+    buffer = io.BytesIO()
+    torch.save({"format": FORMAT, "kind": kind, **state}, buffer)
+    write_atomic(path, buffer.getvalue())
+
+
+def load_state(path: Path, kind: str) -> dict[str, Any]:
+    """Read what `save_state` wrote; nothing in the file can run code.
+
+    Raises:
+        UserError: the file is missing, damaged, of another kind or of another version.
+    """
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise UserError(f"{path}: cannot read the {kind}: {error.strerror or error}") from error
+    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
+        raise UserError(f"{path}: not a {kind} file, or damaged ({type(error).__name__})") from error
+    found: dict[str, Any] = state if isinstance(state, dict) else {}
+    if found.get("kind") != kind:
+        raise UserError(f"{path}: expected a {kind}, found {found.get('kind') or type(state).__name__}")
+    if found["format"] != FORMAT:
+        raise UserError(f"{path}: {kind} of format {found['format']}, this version reads format {FORMAT}")
+    return found
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename in `folder` outlast a power cut; Windows has no such call."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
