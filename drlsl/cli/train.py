@@ -1,0 +1,335 @@
+"""`drlsl train`: train an agent, show how it goes, and leave a run folder behind."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections import deque
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from time import perf_counter
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from drlsl.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from drlsl.config import TrainConfig
+    from drlsl.learning.session import Session
+    from drlsl.learning.trainer import EpisodeEvent
+
+RUNS = Path("runs")
+"""Where a run without --out is put."""
+
+SMOOTHED = 20
+"""Episodes of the moving average of the return that is shown."""
+
+PLAIN_LINES = 20
+"""About how many progress lines are printed where there is no terminal."""
+
+
+def train(
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file with settings; those it leaves out keep their defaults.")
+    ] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Settings that ship with DRLSL: quick (default), paper or tiny.")
+    ] = None,
+    recording: Annotated[
+        str | None, typer.Option(help="Bundled recording, highD folder or NGSIM file to drive in.")
+    ] = None,
+    direction: Annotated[
+        Literal["both", "left_to_right", "right_to_left"] | None,
+        typer.Option(help="Carriageway to drive on."),
+    ] = None,
+    rules: Annotated[
+        list[Path] | None, typer.Option(help="Rule file to consult instead of highway.pl; may be repeated.")
+    ] = None,
+    track_length: Annotated[float | None, typer.Option(help="Metres of an episode.")] = None,
+    method: Annotated[
+        Literal["dqn", "dqnsl"] | None,
+        typer.Option(help="dqn: all actions; dqnsl: those the rules find safe."),
+    ] = None,
+    bootstrap: Annotated[
+        Literal["all", "safe"] | None, typer.Option(help="Actions that the target's maximum runs over.")
+    ] = None,
+    episodes: Annotated[int | None, typer.Option(help="Episodes of training.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all that is random.")] = None,
+    device: Annotated[
+        Literal["auto", "cpu", "cuda"] | None, typer.Option(help="Where the network lives.")
+    ] = None,
+    threads: Annotated[int | None, typer.Option(help="PyTorch's CPU threads.")] = None,
+    checkpoint_every: Annotated[
+        int | None, typer.Option(help="Episodes from one checkpoint to the next.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Any other setting of --print-config; may be repeated."
+        ),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Run folder; default: a new one in runs/.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the run in --out.")] = False,
+    print_config: Annotated[
+        bool, typer.Option("--print-config", help="Print the settings that would be used, and stop.")
+    ] = False,
+) -> None:
+    """Train an agent in recorded traffic.
+
+    Settings come from the preset, then --config, then --set, then the other flags; the later wins. Ctrl-C ends
+    the run with the episode in hand and a checkpoint; --resume goes on as if it had never stopped.
+    """
+    flags = {
+        "env.recording": recording,
+        "env.direction": direction,
+        "env.rules": [str(path) for path in rules] if rules else None,
+        "env.track_length": track_length,
+        "method": method,
+        "learning.bootstrap": bootstrap,
+        "episodes": episodes,
+        "seed": seed,
+        "device": device,
+        "threads": threads,
+        "checkpoint_every": checkpoint_every,
+    }
+    given = _given_settings(settings or [], flags)
+    if resume:
+        session = _resume(out, given, config or preset, force)
+    else:
+        chosen = _effective_config(preset, config, given)
+        if print_config:
+            from drlsl.config import dump_yaml
+
+            typer.echo(dump_yaml(chosen), nl=False)
+            return
+        session = _start(out, chosen, force)
+    _train(session)
+
+
+def _given_settings(settings: list[str], flags: Mapping[str, object]) -> dict[str, Any]:
+    """Nested values of --set and of the flags that were given."""
+    import yaml
+
+    from drlsl.config import with_value
+
+    values: dict[str, Any] = {}
+    for text in settings:
+        key, sign, value = text.partition("=")
+        if not (sign and key):
+            raise UserError(f"--set {text}: expected KEY=VALUE, such as learning.discount=0.9")
+        try:
+            values = with_value(values, key.strip(), yaml.safe_load(value))
+        except yaml.YAMLError as error:
+            raise UserError(f"--set {text}: the value is not valid YAML") from error
+    for key, given in flags.items():
+        if given is not None:
+            values = with_value(values, key, given)
+    return values
+
+
+def _effective_config(preset: str | None, file: Path | None, given: Mapping[str, Any]) -> TrainConfig:
+    from drlsl.config import make_config, merged, preset_values, read_yaml
+
+    name = preset or (None if file else "quick")
+    values = preset_values(name) if name else {}
+    if file:
+        from_file, positions = read_yaml(file)
+        values = merged(values, from_file)
+        make_config(values, str(file), positions)
+    return make_config(merged(values, given), "command line")
+
+
+def _start(out: Path | None, config: TrainConfig, force: bool) -> Session:
+    from drlsl.learning.rundir import next_free_folder
+    from drlsl.learning.session import Session
+
+    root = out or next_free_folder(RUNS, f"{config.method}-seed{config.seed}")
+    return Session.start(root, config, force=force)
+
+
+def _resume(out: Path | None, given: Mapping[str, Any], source: object, force: bool) -> Session:
+    from drlsl.config import make_config, merged
+    from drlsl.learning.rundir import RunFolder
+    from drlsl.learning.session import Session
+
+    if out is None:
+        raise UserError("--resume: name the run to go on with by --out")
+    if force or source:
+        raise UserError(
+            "--resume goes on with the run's own settings: leave out --force, --config and --preset"
+        )
+    stored = RunFolder.open(out).config
+    if make_config(merged(stored.model_dump(), given), "command line") != stored:
+        raise UserError(f"--resume: a setting given here differs from {out}/config.yaml; leave it out")
+    return Session.resume(out)
+
+
+def _train(session: Session) -> None:
+    from rich.console import Console
+
+    console = Console()
+    root, config = session.folder.root, session.folder.config
+    verb = "go on with" if session.trainer.episode else "start"
+    console.print(
+        f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}", highlight=False
+    )
+    with _stop_on_signal(console) as stop:
+        finished = _run(session, console, stop)
+    if not finished:
+        typer.echo(
+            f"stopped after episode {session.saved_episode}; go on with: drlsl train --out {root} --resume"
+        )
+        raise typer.Exit(128 + (stop.signal or signal.SIGINT))
+    figures = session.draw_figures()
+    typer.echo(f"{len(figures)} figures in {session.folder.figures}")
+    _evaluate_briefly(session, console)
+    typer.echo("next:")
+    typer.echo(f"  drlsl eval {root}")
+    typer.echo("  drlsl query --state examples/scene.json")
+
+
+def _run(session: Session, console: Console, stop: _Stop) -> bool:
+    """Train on and show it; whether the last episode was reached."""
+    from drlsl.learning.trainer import EpisodeEvent, StepEvent
+
+    display = _LiveDisplay(session, console) if console.is_terminal else _PlainDisplay(session)
+    with display:
+        try:
+            for event in session.run(stop.requested):
+                if isinstance(event, EpisodeEvent):
+                    display.episode(event)
+                elif isinstance(event, StepEvent):
+                    display.step()
+        except KeyboardInterrupt:
+            return False
+    return session.trainer.episode == session.folder.config.episodes
+
+
+def _evaluate_briefly(session: Session, console: Console) -> None:
+    from drlsl.cli.evaluate import evaluate_run, evaluation_table
+
+    config = session.folder.config
+    count = config.evaluation.episodes_after_training
+    if count:
+        records = evaluate_run(
+            session.folder,
+            session.env,
+            shields=("on", "off"),
+            episodes=count,
+            seed=config.seed,
+            console=console,
+        )
+        console.print(evaluation_table(records))
+
+
+class _Stop:
+    """Whether a signal has asked for the end, and which."""
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+
+    def requested(self) -> bool:
+        return self.signal is not None
+
+
+@contextlib.contextmanager
+def _stop_on_signal(console: Console) -> Iterator[_Stop]:
+    """Note the first SIGINT or SIGTERM, so that the episode is finished; a second one stops at once."""
+    stop = _Stop()
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop.requested():
+            raise KeyboardInterrupt
+        stop.signal = number
+        console.print("finishing the episode and saving; once more stops at once")
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class _Totals:
+    """Running figures of the episodes that this process has seen."""
+
+    def __init__(self) -> None:
+        self._returns: deque[float] = deque(maxlen=SMOOTHED)
+        self._at_fault = self._not_at_fault = self._off_road = 0
+        self._started = perf_counter()
+        self.steps = 0
+
+    def add(self, event: EpisodeEvent) -> None:
+        summary = event.summary
+        self._returns.append(summary.total_return)
+        self._at_fault += summary.contact and summary.at_fault
+        self._not_at_fault += summary.contact and not summary.at_fault
+        self._off_road += summary.off_road
+
+    def text(self) -> str:
+        rate = self.steps / max(perf_counter() - self._started, 1e-9)
+        mean = sum(self._returns) / len(self._returns) if self._returns else float("nan")
+        return (
+            f"{rate:5.0f} steps/s  return {mean:7.1f}  "
+            f"contacts {self._at_fault} at fault, {self._not_at_fault} not  off-road {self._off_road}"
+        )
+
+
+class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
+    """Progress as a few plain lines."""
+
+    def __init__(self, session: Session) -> None:
+        self._last = session.folder.config.episodes
+        self._every = max(1, self._last // PLAIN_LINES)
+        self._totals = _Totals()
+
+    def __exit__(self, *exception: object) -> None:
+        return None
+
+    def step(self) -> None:
+        self._totals.steps += 1
+
+    def episode(self, event: EpisodeEvent) -> None:
+        self._totals.add(event)
+        if event.episode % self._every == 0 or event.episode == self._last:
+            typer.echo(f"episode {event.episode}/{self._last}  {self._totals.text()}")
+
+
+class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
+    """Progress as a bar that stays in place."""
+
+    def __init__(self, session: Session, console: Console) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self._progress = Progress(
+            TextColumn("episode"),
+            MofNCompleteColumn(),
+            BarColumn(bar_width=20),
+            TimeRemainingColumn(compact=True),
+            TextColumn("{task.fields[totals]}"),
+            console=console,
+        )
+        self._totals = _Totals()
+        self._task = self._progress.add_task(
+            "", total=session.folder.config.episodes, completed=session.trainer.episode, totals=""
+        )
+
+    def __enter__(self) -> _LiveDisplay:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._progress.stop()
+
+    def step(self) -> None:
+        self._totals.steps += 1
+
+    def episode(self, event: EpisodeEvent) -> None:
+        self._totals.add(event)
+        self._progress.update(self._task, completed=event.episode, totals=self._totals.text())
