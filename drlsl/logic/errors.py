@@ -1,0 +1,220 @@
+"""Errors of Prolog as Python exceptions, one class for each kind of error term.
+
+Source: ISO 13211-1 7.12.2 (error classification).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from drlsl.logic.operators import Operators
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.writer import format_term
+
+_OPERATORS: Final = Operators()
+_SHOWN_DEPTH: Final = 12
+
+
+def _show(term: Term) -> str:
+    return format_term(term, _OPERATORS, quoted=True, numbervars=True, max_depth=_SHOWN_DEPTH)
+
+
+class PrologError(Exception):
+    """An uncaught ball.
+
+    `term` is the ball, `goal` the goal that raised it and `clause` the place (``file:line``) of the clause
+    whose body called it; the solver fills the last two where it knows them.
+    """
+
+    def __init__(self, term: Term, *, goal: Term | None = None, clause: str | None = None) -> None:
+        super().__init__(term)
+        self.term = term
+        self.goal = goal
+        self.clause = clause
+
+    @property
+    def formal(self) -> Term:
+        """The first argument of ``error/2``; the ball itself when it is no error term."""
+        ball = deref(self.term)
+        return deref(ball.args[0]) if isinstance(ball, Struct) and ball.name == "error" else ball
+
+    def message(self) -> str:
+        """What went wrong, without where."""
+        return f"uncaught exception: {_show(self.term)}"
+
+    def __str__(self) -> str:
+        where = f", in {_show(self.goal)}" if self.goal is not None else ""
+        source = f" ({self.clause})" if self.clause else ""
+        return f"{self.message()}{where}{source}"
+
+    def _part(self, index: int) -> str:
+        formal = self.formal
+        if isinstance(formal, Struct) and index < len(formal.args):
+            return _show(formal.args[index])
+        return "?"
+
+
+class InstantiationError(PrologError):
+    """An argument is a variable, or holds one, where a bound term is needed."""
+
+    def message(self) -> str:
+        return "instantiation error: an argument is not sufficiently instantiated"
+
+
+class PrologTypeError(PrologError):
+    """An argument is of the wrong type."""
+
+    def message(self) -> str:
+        return f"type error: expected {self._part(0)}, found {self._part(1)}"
+
+
+class DomainError(PrologError):
+    """An argument is of the right type and outside the domain."""
+
+    def message(self) -> str:
+        return f"domain error: expected {self._part(0)}, found {self._part(1)}"
+
+
+class ExistenceError(PrologError):
+    """An object that an operation needs does not exist."""
+
+    def message(self) -> str:
+        return f"existence error: {self._part(0)} {self._part(1)} does not exist"
+
+
+class PrologPermissionError(PrologError):
+    """An operation is not permitted on its object."""
+
+    def message(self) -> str:
+        return f"permission error: no permission to {self._part(0)} {self._part(1)} {self._part(2)}"
+
+
+class RepresentationError(PrologError):
+    """An implementation limit does not let the term be represented."""
+
+    def message(self) -> str:
+        return f"representation error: {self._part(0)}"
+
+
+class EvaluationError(PrologError):
+    """An arithmetic operation has no value."""
+
+    def message(self) -> str:
+        return f"evaluation error: {self._part(0)}"
+
+
+class ResourceError(PrologError):
+    """A limit on time, steps, depth or memory is exhausted."""
+
+    def message(self) -> str:
+        return f"resource error: {self._part(0)}"
+
+
+class PrologSyntaxError(PrologError):
+    """Text is no term.
+
+    `file`, `line` and `column` (both from 1) say where, `source` is that line and `width` how many of its
+    characters are at fault; they are None, 0 and empty where the text has no place (``atom_to_term/3``).
+    """
+
+    def __init__(
+        self,
+        term: Term,
+        *,
+        goal: Term | None = None,
+        clause: str | None = None,
+        file: str | None = None,
+        line: int = 0,
+        column: int = 0,
+        source: str = "",
+        width: int = 1,
+    ) -> None:
+        super().__init__(term, goal=goal, clause=clause)
+        self.file, self.line, self.column = file, line, column
+        self.source, self.width = source, width
+
+    def message(self) -> str:
+        formal = self.formal
+        what = deref(formal.args[0]) if isinstance(formal, Struct) else formal
+        text = what.name if isinstance(what, Atom) else _show(what)
+        return f"syntax error: {text}"
+
+    def __str__(self) -> str:
+        if not self.line:
+            return super().__str__()
+        shown = self.source.expandtabs(1)
+        marks = max(1, min(self.width, len(shown) - self.column + 1))
+        pointer = " " * (self.column - 1) + "~" * (marks - 1) + "^"
+        return f"{self.file}:{self.line}:{self.column}: {self.message()}\n{shown}\n{pointer}"
+
+
+_CLASSES: Final[dict[str, type[PrologError]]] = {
+    "instantiation_error": InstantiationError,
+    "type_error": PrologTypeError,
+    "domain_error": DomainError,
+    "existence_error": ExistenceError,
+    "permission_error": PrologPermissionError,
+    "representation_error": RepresentationError,
+    "evaluation_error": EvaluationError,
+    "resource_error": ResourceError,
+    "syntax_error": PrologSyntaxError,
+}
+
+
+def error_from_term(ball: Term) -> PrologError:
+    """The exception for a ball: a subclass for an ISO error term, else a plain PrologError."""
+    term = deref(ball)
+    if isinstance(term, Struct) and term.name == "error" and len(term.args) == 2:
+        formal = deref(term.args[0])
+        if isinstance(formal, (Struct, Atom)):
+            return _CLASSES.get(formal.name, PrologError)(ball)
+    return PrologError(ball)
+
+
+def _error(formal: Term) -> Struct:
+    return Struct("error", (formal, Var()))
+
+
+def instantiation_error() -> InstantiationError:
+    """error(instantiation_error, _)."""
+    return InstantiationError(_error(Atom("instantiation_error")))
+
+
+def type_error(expected: str, culprit: Term) -> PrologTypeError:
+    """error(type_error(expected, culprit), _)."""
+    return PrologTypeError(_error(Struct("type_error", (Atom(expected), culprit))))
+
+
+def domain_error(domain: str, culprit: Term) -> DomainError:
+    """error(domain_error(domain, culprit), _)."""
+    return DomainError(_error(Struct("domain_error", (Atom(domain), culprit))))
+
+
+def existence_error(kind: str, culprit: Term) -> ExistenceError:
+    """error(existence_error(kind, culprit), _)."""
+    return ExistenceError(_error(Struct("existence_error", (Atom(kind), culprit))))
+
+
+def permission_error(operation: str, kind: str, culprit: Term) -> PrologPermissionError:
+    """error(permission_error(operation, kind, culprit), _)."""
+    return PrologPermissionError(_error(Struct("permission_error", (Atom(operation), Atom(kind), culprit))))
+
+
+def representation_error(limit: str) -> RepresentationError:
+    """error(representation_error(limit), _)."""
+    return RepresentationError(_error(Struct("representation_error", (Atom(limit),))))
+
+
+def evaluation_error(what: str) -> EvaluationError:
+    """error(evaluation_error(what), _)."""
+    return EvaluationError(_error(Struct("evaluation_error", (Atom(what),))))
+
+
+def resource_error(resource: str) -> ResourceError:
+    """error(resource_error(resource), _)."""
+    return ResourceError(_error(Struct("resource_error", (Atom(resource),))))
+
+
+def syntax_error(message: str) -> PrologSyntaxError:
+    """error(syntax_error(message), _), for text that has no place in a file."""
+    return PrologSyntaxError(_error(Struct("syntax_error", (Atom(message),))))

@@ -1,0 +1,262 @@
+"""Prolog text as tokens: one compiled expression, and the values of quoted and numeric tokens.
+
+Source: ISO 13211-1 6.4 (tokens) and 6.5 (processor character set).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from collections.abc import Iterator
+from functools import cache
+from typing import Final, NamedTuple, NoReturn
+
+from drlsl.logic.errors import PrologSyntaxError
+from drlsl.logic.terms import Atom, Struct
+
+# The kinds of a token are the numbers of the groups of the expression below. A kind "open" is a name with the
+# bracket of its arguments right behind it, as in foo( .
+VARIABLE, WORD, WORD_OPEN, PUNCTUATION, END, SPECIAL, FRACTION, INTEGER = range(1, 9)
+SYMBOL, SYMBOL_OPEN, QUOTED, QUOTED_OPEN, STRING, BACKQUOTED, LETTER, LETTER_OPEN = range(9, 17)
+EOF, ERROR = 17, 18
+
+_ESCAPE: Final = r"\\(?:x[0-9a-fA-F]++\\?+|[0-7]++\\?+|[\s\S])"
+_LAYOUT: Final = r"(?:\s++|%[^\n]*+|/\*[\s\S]*?\*/)*+"
+
+
+def _expression(iso: bool) -> str:
+    digits = r"[0-9]++" if iso else r"[0-9]++(?:_[0-9]++)*+"
+    special = "" if iso else r"|[1-9][0-9]?'[0-9a-zA-Z]++"
+    floats = "" if iso else r"|[0-9]++[eE][+-]?[0-9]++"
+    return rf"""{_LAYOUT}(?:
+      ([A-Z_]\w*+)
+    | ([a-z]\w*+)(\()?+
+    | ([()\[\]{{}},|])
+    | (\.)(?=\s|%|\Z)
+    | (0(?:x[0-9a-fA-F]++|o[0-7]++|b[01]++
+        |'(?:''|\\(?:x[0-9a-fA-F]++\\|[0-7]++\\|[^x0-7\s])|[^'\\\s]|[ ])){special})
+    | ([0-9]++\.[0-9]++(?:[eE][+-]?[0-9]++|Inf\b|NaN\b)?+{floats})
+    | ({digits})
+    | ((?!/\*)[#$&*+\-./:<=>?@^~\\]++|[!;]|[^\x00-\x7f\w\s]++)(\()?+
+    | '((?:[^'\\\n]++|''|{_ESCAPE})*+)'(\()?+
+    | "((?:[^"\\\n]++|""|{_ESCAPE})*+)"
+    | `((?:[^`\\\n]++|``|{_ESCAPE})*+)`
+    | ([^\W\d]\w*+)(\()?+
+    | (\Z)
+    | ([\s\S])
+    )"""
+
+
+@cache
+def token_pattern(iso: bool) -> re.Pattern[str]:
+    """The expression that matches one token with the layout before it; group number = kind."""
+    return re.compile(_expression(iso), re.VERBOSE)
+
+
+# One token: its kind, its text (without quotes or bracket) and where that begins.
+Token = tuple[int, str, int]
+
+# The group that holds the text of a token of each kind.
+_TEXT_GROUP: Final = (0, 1, 2, 2, 4, 5, 6, 7, 8, 9, 9, 11, 11, 13, 14, 15, 15, 17, 18)
+_END_TOKEN: Final = re.compile(r"\.(?=\s|%|\Z)")
+
+
+class Span(NamedTuple):
+    """A stretch of text: file name, first line and column, last line and column (all from 1)."""
+
+    name: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+    def __str__(self) -> str:
+        return f"{self.name}:{self.line}"
+
+
+class Source:
+    """A text with its name, for finding lines and columns."""
+
+    __slots__ = ("_line_starts", "name", "text")
+
+    def __init__(self, text: str, name: str) -> None:
+        self.text = text
+        self.name = name
+        self._line_starts: list[int] | None = None
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """The line and column, both from 1, of a character."""
+        starts = self._line_starts
+        if starts is None:
+            starts = self._line_starts = [0, *(match.end() for match in re.finditer("\n", self.text))]
+        line = bisect_right(starts, offset)
+        return line, offset - starts[line - 1] + 1
+
+    def span(self, start: int, end: int) -> Span:
+        """The stretch from `start` up to and without `end`."""
+        return Span(self.name, *self.position(start), *self.position(end))
+
+    def error(self, message: str, start: int, end: int) -> PrologSyntaxError:
+        """A syntax error about the characters from `start` up to `end`."""
+        line, column = self.position(start)
+        place = Struct("file", (Atom(self.name), line, column))
+        ball = Struct("error", (Struct("syntax_error", (Atom(message),)), place))
+        lines = self.text[start - column + 1 :].split("\n", 1)
+        width = max(1, end - start)
+        return PrologSyntaxError(
+            ball, file=self.name, line=line, column=column, source=lines[0].rstrip("\r"), width=width
+        )
+
+
+class Tokens:
+    """The tokens of a text, one clause at a time."""
+
+    __slots__ = ("_iso", "_matches", "offset", "source")
+
+    def __init__(self, source: Source, iso: bool) -> None:
+        self.source = source
+        self.offset = 0
+        self._iso = iso
+        self._matches: Iterator[re.Match[str]] | None = None
+
+    def use_syntax(self, iso: bool) -> None:
+        """Read on by ISO's syntax, or with the extensions of SWI-Prolog."""
+        if iso != self._iso:
+            self._iso, self._matches = iso, None
+
+    def clause(self) -> list[Token]:
+        """The tokens up to and with the next end or the end of the text.
+
+        Raises:
+            PrologSyntaxError: text that is no token; the next call goes on behind the next end token.
+        """
+        if self._matches is None:
+            self._matches = token_pattern(self._iso).finditer(self.source.text, self.offset)
+        tokens: list[Token] = []
+        append, group = tokens.append, _TEXT_GROUP
+        for match in self._matches:
+            kind = match.lastindex or EOF
+            text_group = group[kind]
+            append((kind, match[text_group], match.start(text_group)))
+            if kind == END or kind >= EOF:
+                self.offset = match.end()
+                break
+        if not tokens:
+            tokens.append((EOF, "", len(self.source.text)))
+        if tokens[-1][0] == ERROR:
+            self._fail(*tokens[-1][1:])
+        return tokens
+
+    def _fail(self, char: str, start: int) -> NoReturn:
+        """Raise for a character that begins no token, after moving behind the next end token."""
+        text = self.source.text
+        message, end = f"unexpected character {char!r}", start + 1
+        if text.startswith("/*", start):
+            message, self.offset = "end of file in a block comment: expected */", len(text)
+        else:
+            if char in _REASONS:
+                message, end = _REASONS[char], _line_end(text, start)
+            resume = _END_TOKEN.search(text, start)
+            self.offset = resume.end() if resume else len(text)
+        self._matches = None
+        raise self.source.error(message, start, end)
+
+
+_REASONS: Final = {
+    "'": "quoted atom is not closed on its line: expected '",
+    '"': 'string is not closed on its line: expected "',
+    "`": "back-quoted text is not closed on its line: expected `",
+}
+
+
+def _line_end(text: str, start: int) -> int:
+    end = text.find("\n", start)
+    return len(text) if end < 0 else end
+
+
+_ISO_ESCAPES: Final = {
+    "a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v",
+    "\\": "\\", "'": "'", '"': '"', "`": "`", "\n": "",
+}  # fmt: skip
+_SWI_ESCAPES: Final = {**_ISO_ESCAPES, "e": "\x1b", "s": " ", "0": "\0", "z": ""}
+_ESCAPE_PARTS: Final = re.compile(r"\\(?:x([0-9a-fA-F]+)(\\?)|([0-7]+)(\\?)|u([0-9a-fA-F]{4})|([\s\S]))")
+_MAX_CODE: Final = 0x10FFFF
+
+
+def unquote(text: str, quote: str, iso: bool) -> str:
+    """The characters that the text between two quotes stands for.
+
+    Raises:
+        ValueError: an escape sequence that does not exist, with its reason.
+    """
+    if quote in text:
+        text = text.replace(quote * 2, quote)
+    if "\\" not in text:
+        return text
+    return _ESCAPE_PARTS.sub(lambda match: _escape(match, iso), text)
+
+
+def _escape(match: re.Match[str], iso: bool) -> str:
+    hexadecimal, hex_end, octal, octal_end, unicode, char = match.groups()
+    if char is not None:
+        known = (_ISO_ESCAPES if iso else _SWI_ESCAPES).get(char)
+        if known is None:
+            raise ValueError(f"undefined escape sequence \\{char}")
+        return known
+    if unicode is not None:
+        if iso:
+            raise ValueError("undefined escape sequence \\u")
+        return chr(int(unicode, 16))
+    if iso and not (hex_end or octal_end):
+        raise ValueError(f"escape sequence {match[0]} is not closed: expected \\")
+    code = int(hexadecimal, 16) if hexadecimal is not None else int(octal, 8)
+    if code > _MAX_CODE:
+        raise ValueError(f"escape sequence {match[0]}: no such character")
+    return chr(code)
+
+
+_RADIX: Final = {"x": 16, "o": 8, "b": 2}
+_DIGITS_AT_ONCE: Final = 4000
+
+
+def parse_integer(digits: str) -> int:
+    """The value of decimal digits, however many (Python's own conversion stops at 4,300)."""
+    if len(digits) <= _DIGITS_AT_ONCE:
+        return int(digits)
+    digits = digits.replace("_", "")
+    parts = [int(digits[max(0, end - 4000) : end]) for end in range(len(digits), 0, -4000)]
+    base = 10**4000
+    while len(parts) > 1:
+        parts.append(0)
+        parts = [low + high * base for low, high in zip(parts[0::2], parts[1::2], strict=False)]
+        base *= base
+    return parts[0]
+
+
+def parse_float(text: str) -> float:
+    """The value of a float's text.
+
+    Raises:
+        ValueError: the value is too large for a float.
+    """
+    if text.endswith(("Inf", "NaN")):
+        return math.inf if text.endswith("Inf") else math.nan
+    value = float(text)
+    if math.isinf(value):
+        raise ValueError("float is too large")
+    return value
+
+
+def parse_special(text: str, iso: bool) -> int:
+    """The value of a character code (``0'a``), a number in another base (``0x1F``) or ``16'FF``.
+
+    Raises:
+        ValueError: an undefined escape sequence, or digits outside the base.
+    """
+    base, quote, rest = text.partition("'")
+    if quote and base == "0":
+        return ord("'" if rest == "''" else unquote(rest, "'", iso))
+    if quote:
+        return int(rest, int(base))
+    return int(text[2:], _RADIX[text[1]])
