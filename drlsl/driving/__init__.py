@@ -1,4 +1,4 @@
-"""Driving in recorded traffic: scenes, the shield, control, reward, fault, the world and its Gymnasium views."""
+"""Driving in recorded traffic: scenes, the shield, control, reward, fault, the world and its env."""
 
 from __future__ import annotations
 

@@ -22,10 +22,11 @@ EGO_ID: Final = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneBatch:
-    """N scenes with up to K vehicles each; the ego is in column 0, and only `valid` slots hold a vehicle in radar range.
+    """N scenes with up to K vehicles each: the ego in column 0, in the `valid` slots who is in range.
 
-    `road` (N,) indexes `roads`; `target_lane` (N,) lane ids; the rest are of shape (N, K + 1): `id`, `lane` ids,
-    `x`, `y` [m], `vx`, `vy` [m/s], `length`, `width` [m]. Numbers of slots that are not valid are finite and mean nothing.
+    `road` (N,) indexes `roads`; `target_lane` (N,) lane ids; the rest are of shape (N, K + 1): `id`, `lane`
+    ids, `x`, `y` [m], `vx`, `vy` [m/s], `length`, `width` [m]. Numbers of slots that are not valid are
+    finite and mean nothing.
     """
 
     roads: tuple[Road, ...]
@@ -87,8 +88,9 @@ class SceneBatch:
 class Decisions:
     """What the rules say about N scenes.
 
-    `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N, 10) in [0, 1];
-    `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the fail-safe instead of an answer.
+    `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
+    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the
+    fail-safe instead of an answer.
     """
 
     action_mask: Mask

@@ -58,7 +58,7 @@ class EnvConfig(BaseModel):
     )
     direction: Literal["both", "left_to_right", "right_to_left"] = Field(
         "both",
-        description="Which carriageway the ego drives on; both: drawn for every episode from those there are.",
+        description="Which way the ego drives; both: drawn for every episode from those there are.",
     )
     rules: tuple[str, ...] = Field(
         (), description="Rule files to consult, in order; none: the default program, highway.pl."

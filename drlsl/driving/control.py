@@ -35,15 +35,15 @@ LANE_INTEGRAL_GAIN: Final = 0.05
 """Integral gain of the lane controller [1/s²]."""
 
 LANE_INTEGRAL_BAND: Final = 0.5
-"""Offset [m] beyond which the lane controller does not integrate, so that a lane change does not wind it up."""
+"""Offset [m] beyond which the lane controller does not integrate: a lane change must not wind it up."""
 
 
 @dataclass
 class SpeedController:
     """PI control of the speed along the road; state of shape (N,).
 
-    The proportional gain is one over the time step, so that the acceleration the rules ask for is what the ego does:
-    any less would brake softer than the rules derived to be safe.
+    The proportional gain is one over the time step, so that the acceleration the rules ask for is what the
+    ego does: any less would brake softer than the rules derived to be safe.
     """
 
     integral: Floats
@@ -58,7 +58,7 @@ class SpeedController:
         self.integral[egos] = 0.0
 
     def acceleration(self, speed: Floats, target: Floats, dt: Floats) -> Floats:
-        """Acceleration [m/s²], shape (N,), for speeds and target speeds [m/s] and time steps [s] of shape (N,)."""
+        """Acceleration [m/s²] for speeds and target speeds [m/s] and time steps [s], all of shape (N,)."""
         error = target - speed
         wanted = error / dt + SPEED_INTEGRAL_GAIN * self.integral
         limited = np.minimum(np.maximum(wanted, -BRAKING_LIMIT), ACCELERATION_LIMIT)
@@ -70,8 +70,8 @@ class SpeedController:
 class LaneController:
     """PI control of the place across the road; state of shape (N,).
 
-    The offset from the target lane's centre asks for a sideways speed, limited; the sideways acceleration, limited too,
-    reaches for that speed within one step.
+    The offset from the target lane's centre asks for a sideways speed, limited; the sideways acceleration,
+    limited too, reaches for that speed within one step.
     """
 
     integral: Floats
@@ -86,7 +86,7 @@ class LaneController:
         self.integral[egos] = 0.0
 
     def acceleration(self, y: Floats, vy: Floats, target_y: Floats, dt: Floats) -> Floats:
-        """Sideways acceleration [m/s²], shape (N,), for places [m], sideways speeds [m/s] and time steps [s]."""
+        """Sideways acceleration [m/s²] for places [m], sideways speeds [m/s] and time steps [s], all (N,)."""
         error = target_y - y
         near = np.abs(error) < LANE_INTEGRAL_BAND
         self.integral = np.where(near, self.integral + error * dt, 0.0)

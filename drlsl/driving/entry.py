@@ -14,7 +14,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.road import Lane
 
 OFFSET: Final = 60.0
-"""How far from the beginning of the recorded stretch the ego enters at least [m], so that it is seen who follows."""
+"""How far into the recorded stretch the ego enters at least [m], so that it sees who follows."""
 
 ZONE: Final = 80.0
 """Length of the part of the road where the ego enters [m]."""
@@ -45,9 +45,10 @@ def find_entry(
     size: tuple[float, float],
     lane: Lane | None = None,
 ) -> Entry:
-    """A place at the beginning of the road, drawn among those that the rules call safe, at `frame` or soon after.
+    """A place early on the road, drawn among those that the rules call safe, at `frame` or soon after.
 
-    The ego has the speed of the traffic there; `size` is its length and width [m]. `lane` is taken if there is a gap in it.
+    The ego has the speed of the traffic there; `size` is its length and width [m]. `lane` is taken if there
+    is a gap in it.
 
     Raises:
         UserError: no frame of the recording has such a gap.
@@ -79,7 +80,7 @@ def _candidates(playback: Playback, frame: int, rng: np.random.Generator) -> lis
 
 
 def _traffic_speed(playback: Playback, frame: int, lane: Lane, x: float) -> float:
-    """The mean speed of the nearest vehicle in front and behind in the lane, at most its limit; alone, the limit."""
+    """The mean speed of the nearest vehicles in front and behind, at most the limit; the limit if alone."""
     in_lane = playback.valid[frame] & (playback.lane[frame] == lane.id)
     offset = playback.sign * (playback.numbers[0, frame] - x)
     speed = playback.sign * playback.numbers[2, frame]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -23,13 +23,13 @@ Observation: TypeAlias = npt.NDArray[np.float32]
 class HighwayEnv(gymnasium.Env[Observation, np.int64]):
     """Drive a recorded highway: observation float32 (10,) in [0, 1], actions `Action`.
 
-    `info` of reset and step holds `action_mask` int8 (3,), `rewards` (the weighted terms), `lane_change`, `contact`,
-    `at_fault`, `contact_reason`, `off_road`, `entered`, `speed` [m/s], `distance` [m], `target_speed` [m/s] and `fail_safe`
-    with `fail_safe_reason`. Terminated on a contact or off the road, truncated at the end of the track.
-    The mask is offered, not enforced.
+    `info` of reset and step holds `action_mask` int8 (3,), `rewards` (the weighted terms), `lane_change`,
+    `contact`, `at_fault`, `contact_reason`, `off_road`, `entered`, `speed` [m/s], `distance` [m],
+    `target_speed` [m/s] and `fail_safe` with `fail_safe_reason`. Terminated on a contact or off the road,
+    truncated at the end of the track. The mask is offered, not enforced.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
 
     def __init__(
         self, config: EnvConfig | None = None, *, shield: Shield | None = None, **settings: Any
@@ -77,7 +77,7 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
 
     def _observe(self, decisions: Decisions) -> Observation:
         self._decisions = decisions
-        return decisions.observation[0].astype(np.float32)
+        return np.asarray(decisions.observation[0], dtype=np.float32)
 
     def _info(self, decisions: Decisions, result: StepResult | None) -> dict[str, Any]:
         contact = result.contacts.get(0) if result is not None else None

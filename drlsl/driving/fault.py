@@ -42,7 +42,8 @@ class Verdict(Enum):
 class Track:
     """A vehicle's past up to the contact, oldest first, one row a frame; all arrays of shape (T,).
 
-    `s` [m]: the centre along the road in the ego's direction of travel; `y` [m]: across the road; `speed` [m/s]: along s.
+    `s` [m]: the centre along the road in the ego's direction of travel; `y` [m]: across the road; `speed`
+    [m/s]: along s.
     """
 
     s: Floats
@@ -59,9 +60,9 @@ class Track:
 def judge(ego: Track, other: Track, lanes: Sequence[Lane], dt: float, *, other_appeared: bool) -> Verdict:
     """The verdict on a contact in the newest frame of both tracks.
 
-    `ego` begins where it was placed on the road, `other` where its unbroken track began, or at the ego's first row if
-    that is later; `other_appeared`: the former, so the ego was on the road when the other's track began.
-    `lanes`: those of the ego's direction. `dt` [s]: time between rows.
+    `ego` begins where it was placed on the road, `other` where its unbroken track began, or at the ego's
+    first row if that is later; `other_appeared`: the former, so the ego was on the road when the other's
+    track began. `lanes`: those of the ego's direction. `dt` [s]: time between rows.
     """
     count = min(len(ego.s), len(other.s))
     seen = _Encounter(ego.last(count), other.last(count), tuple(lanes), dt, other_appeared)
@@ -121,7 +122,7 @@ class _Encounter:
         return np.asarray(apart - (self.ego.length + self.other.length) / 2)
 
     def _came_from(self) -> float:
-        """Where the other was when the two last did not overlap along the road: +1 ahead, -1 behind, 0 never."""
+        """Where the other was when the two last were apart along the road: +1 ahead, -1 behind, 0 never."""
         apart = np.flatnonzero(self._gap() > 0)
         return float(np.sign(self.other.s[apart[-1]] - self.ego.s[apart[-1]])) if apart.size else 0.0
 
@@ -130,7 +131,7 @@ class _Encounter:
         return len(self.ego.s) > 1 and bool(self._gap()[-2] <= 0)
 
     def _left_time(self, row: int, *, rear: Track, front: Track) -> bool:
-        """Whether at `row` the rear vehicle had enough time to collision left to brake behind the front one."""
+        """Whether at `row` the rear vehicle had time to collision enough to brake behind the front one."""
         closing = float(rear.speed[row] - front.speed[row])
         gap = float(self._gap()[row])
         if gap <= 0:
@@ -143,7 +144,7 @@ class _Encounter:
         return inside is not None and inside < row
 
     def struck_from_behind(self) -> bool:
-        """The other came from behind in a lane of the ego's, which the ego had been in, or had entered, in good time."""
+        """The other came from behind in a lane that the ego had been in, or had entered, in good time."""
         lane = _lane_at(float(self.other.y[-1]), self.lanes)
         entered, inside = _since(_touches(self.ego, lane)), _since(_inside(self.ego, lane))
         if self._met_sideways() or self._came_from() >= 0 or entered is None:
@@ -154,7 +155,7 @@ class _Encounter:
         return any(self._left_time(row, rear=self.other, front=self.ego) for row in rows)
 
     def _other_entered(self) -> int | None:
-        """The row in which the other, seen outside before, came into the ego's lane; None if it never was outside."""
+        """The row in which the other came into the ego's lane; None if it never was seen outside."""
         entered = _since(_touches(self.other, _lane_at(float(self.ego.y[-1]), self.lanes)))
         return entered if entered else None
 

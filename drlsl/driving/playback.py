@@ -26,8 +26,8 @@ NUMBERS = ("x", "y", "vx", "vy", "length", "width")
 class Playback:
     """One direction of a recording's road.
 
-    `numbers` (6, F, K): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane`, `first` (F, K) as in the recording;
-    `valid` (F, K). `lanes`: those of the direction, `sign` its sign along x.
+    `numbers` (6, F, K): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane`, `first` (F, K) as in
+    the recording; `valid` (F, K). `lanes`: those of the direction, `sign` its sign along x.
     """
 
     road: Road
@@ -86,7 +86,7 @@ class Playback:
         return self.x_min + along if self.sign > 0 else self.x_max - along
 
     def track(self, frame: int, slot: int, since: int) -> Track:
-        """The track of the vehicle in `slot` from frame `since`, or from where its unbroken track began, to `frame`."""
+        """The track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
         begin = max(int(self.first[frame, slot]), since)
         x, y, vx, _, length, width = self.numbers[:, begin : frame + 1, slot]
         return Track(self.sign * x, y, self.sign * vx, float(length[-1]), float(width[-1]))

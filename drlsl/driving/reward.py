@@ -21,14 +21,15 @@ def reward_terms(
 ) -> dict[str, Floats]:
     """Weighted terms, each of shape (N,); the reward is their sum.
 
-    `changed`: a lane change was started; `speed` [m/s]; `progress` in [0, 1]: distance driven over the track's length.
+    `changed`: a lane change was started; `speed` [m/s]; `progress` in [0, 1]: distance driven over the
+    track's length.
 
     Source: paper, Reward Function.
     """
     late = 1.0 - config.discount * np.minimum(np.maximum(progress, 0.0), 1.0)
     return {
-        "lane_change": -config.lane_change * changed,
+        "lane_change": np.where(changed, -config.lane_change, 0.0),
         "velocity": config.velocity * speed,
-        "collision": -config.collision * late * contact,
-        "off_road": -config.off_road * late * off_road,
+        "collision": np.where(contact, -config.collision * late, 0.0),
+        "off_road": np.where(off_road, -config.off_road * late, 0.0),
     }

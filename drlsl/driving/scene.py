@@ -19,8 +19,8 @@ Facts: TypeAlias = dict[tuple[str, int], list[Row]]
 class Vehicle(NamedTuple):
     """A vehicle's box and velocity; in this order the row of a `vehicle/8` fact.
 
-    `lane` is the id of the lane that holds the centre, 0 for none; `x`, `y` [m] the centre, `vx`, `vy` [m/s] the velocity
-    in road coordinates, `length` along the road and `width` across it [m].
+    `lane` is the id of the lane that holds the centre, 0 for none; `x`, `y` [m] the centre, `vx`, `vy`
+    [m/s] the velocity in road coordinates, `length` along the road and `width` across it [m].
     """
 
     id: str
@@ -37,8 +37,8 @@ class Vehicle(NamedTuple):
 class Road:
     """What stays the same from step to step: the lanes, the time step and what the ego can do.
 
-    `time_step` [s], `radar_range` [m], `acceleration_limit`, `braking_limit` [m/s²]; `centre_tolerance` [m]: how near its
-    lane's centre the ego takes up a lane change.
+    `time_step` [s], `radar_range` [m], `acceleration_limit`, `braking_limit` [m/s²]; `centre_tolerance`
+    [m]: how near its lane's centre the ego takes up a lane change.
     """
 
     lanes: tuple[Lane, ...]

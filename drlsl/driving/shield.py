@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeGuard
 
 from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.scene import Road, Scene, road_facts, scene_facts
@@ -35,15 +35,15 @@ REQUIRED: Final = (
 
 
 class RuleFailure(Exception):
-    """The rules gave no usable answer for a scene: an error, an exhausted limit, no action, a number out of range."""
+    """The rules gave no usable answer: an error, an exhausted limit, no action, a number out of range."""
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
     """What the rules say about one scene.
 
-    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: 10 numbers in [0, 1];
-    `front_is_free`; `lane_to_keep`: the lane that lane keeping steers for.
+    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: 10 numbers
+    in [0, 1]; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers for.
     """
 
     safe_actions: tuple[Action, ...]
@@ -140,11 +140,11 @@ class Shield:
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def decide_batch(self, scenes: SceneBatch) -> Decisions:
-        """What is safe in each of N scenes; a scene without a usable answer gets the fail-safe, and is marked."""
+        """What is safe in each of N scenes; one without a usable answer gets the fail-safe, and is marked."""
         return self._array_tier().decide(scenes)
 
     def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
-        """Whether the ego may be placed where each of N scenes has it; False where the rules gave no usable answer."""
+        """Whether the ego may be placed where each scene has it; False where there is no usable answer."""
         return self._array_tier().entries_are_safe(scenes)
 
     @property
@@ -199,7 +199,7 @@ def default_rules() -> tuple[Path, ...]:
     raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and math.isfinite(value)
 
 

@@ -47,8 +47,9 @@ class Contact:
 class StepResult:
     """What one step brought, for N egos; after a reset only `scenes` and `decisions` tell something.
 
-    Arrays are of shape (N,); `rewards` holds the weighted terms. `contacts`: by ego, the contact that ended its episode.
-    `changed`: the step started a lane change; `entered`: the ego was placed anew on the stretch.
+    Arrays are of shape (N,); `rewards` holds the weighted terms. `contacts`: by ego, the contact that ended
+    its episode. `changed`: the step started a lane change; `entered`: the ego was placed anew on the
+    stretch.
     """
 
     scenes: SceneBatch
@@ -65,7 +66,7 @@ class StepResult:
 
 @dataclass(slots=True)
 class _Egos:
-    """The state of N egos; arrays of shape (N,), in road coordinates and SI units; `speed` is along the heading."""
+    """The state of N egos: arrays of shape (N,) in road coordinates; `speed` is along the heading."""
 
     x: Floats
     y: Floats
@@ -86,7 +87,7 @@ class _Egos:
 
 @dataclass(slots=True)
 class _Past:
-    """The newest rows of every ego's own track: x, y, speed; a ring of shape (3, N, T) and how many rows were written."""
+    """The newest rows of every ego's track, x, y and speed: a ring (3, N, T), and how many were written."""
 
     rows: Floats
     written: Integers
@@ -118,9 +119,10 @@ class _Past:
 class World:
     """N egos that drive in recordings.
 
-    An ego's episode: enter in a safe gap, drive `track_length` metres, re-entering at the beginning of the stretch whenever it
-    or the recording ends. One step is one recorded frame. The world offers actions, it does not enforce them: a lane change
-    that is not offered is driven as told. While a lane change is under way, new lane changes are not taken up.
+    An ego's episode: enter in a safe gap, drive `track_length` metres, re-entering at the beginning of the
+    stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, it
+    does not enforce them: a lane change that is not offered is driven as told. While a lane change is under
+    way, new lane changes are not taken up.
     """
 
     def __init__(
@@ -181,7 +183,7 @@ class World:
         return int(self._egos.frame[ego])
 
     def reset(self, egos: Sequence[int], rngs: Sequence[np.random.Generator]) -> tuple[SceneBatch, Decisions]:
-        """Begin new episodes for `egos`, each a function of its generator alone; the others stay where they are.
+        """Begin new episodes for `egos`, each a function of its generator alone; the others stay as they are.
 
         Raises:
             UserError: the recording has no gap to enter.
@@ -255,7 +257,7 @@ class World:
     def _steer(self, actions: npt.NDArray[np.integer], decisions: Decisions) -> Mask:
         """Set the lanes to steer for; returns which egos start a lane change, shape (N,)."""
         egos = self._egos
-        settled = np.abs(egos.target_y - egos.y) <= CENTRE_TOLERANCE
+        settled: Mask = np.abs(egos.target_y - egos.y) <= CENTRE_TOLERANCE
         changed = settled & (actions != Action.LANE_KEEPING)
         for ego in np.flatnonzero(changed).tolist():
             self._start_lane_change(ego, Action(int(actions[ego])))
@@ -294,7 +296,7 @@ class World:
         egos.frame = egos.frame + 1
 
     def _contacts(self, playing: Mask) -> dict[int, Contact]:
-        """The contacts of the egos whose recording is not over; of several of one ego, one at fault before the others."""
+        """The contacts of the egos whose recording goes on; of several of one ego, one at fault first."""
         frames = np.minimum(self._egos.frame, self._ends[self._egos.playback] - 1)
         numbers, *_, valid = self._traffic(frames)
         x, y, _, _, length, width = numbers

@@ -1,0 +1,140 @@
+"""Contacts on hand-made tracks: each rule that excuses the ego, and each near miss of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drlsl.driving.fault import BRAKING, REACTION, Track, Verdict, judge, time_to_avoid
+from drlsl.traffic.road import Direction, Lane
+
+DT = 0.04
+LANES = tuple(Lane(i + 1, Direction.LEFT_TO_RIGHT, 1.75 + 3.5 * i, 3.5, 36.0) for i in range(3))
+CENTRE = {lane.id: lane.centre for lane in LANES}
+LENGTH, WIDTH = 4.6, 1.9
+
+
+def track(s: float, speed: float, y: float | np.ndarray, steps: int) -> Track:
+    """A vehicle at constant speed that ends at `s`."""
+    times = (np.arange(steps) - (steps - 1)) * DT
+    return Track(s + speed * times, np.broadcast_to(y, steps).astype(float), np.full(steps, speed), LENGTH, WIDTH)
+
+
+def sideways(begin: float, end: float, steps: int, moving: int) -> np.ndarray:
+    """The y of a vehicle that moves from `begin` to `end` in its last `moving` frames."""
+    return np.concatenate((np.full(steps - moving, begin), np.linspace(begin, end, moving)))
+
+
+def verdict(ego: Track, other: Track, *, other_appeared: bool = False) -> Verdict:
+    return judge(ego, other, LANES, DT, other_appeared=other_appeared)
+
+
+@pytest.mark.parametrize("closing", [0.5, 5.0, 20.0])
+def test_a_follower_that_had_time_to_brake_is_to_blame(closing: float) -> None:
+    steps = 200
+    ego = track(100.0, 20.0, CENTRE[2], steps)
+    other = track(100.0 - LENGTH + 0.01, 20.0 + closing, CENTRE[2], steps)
+    assert closing * (steps - 1) * DT / closing > time_to_avoid(closing)
+    assert verdict(ego, other) is Verdict.STRUCK_FROM_BEHIND
+
+
+def test_entering_a_lane_right_before_a_faster_follower_is_the_egos_fault() -> None:
+    steps = 100
+    ego = track(100.0, 20.0, sideways(CENTRE[1], CENTRE[2], steps, 20), steps)
+    other = track(100.0 - LENGTH + 0.01, 30.0, CENTRE[2], steps)
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
+@pytest.mark.parametrize(("margin", "expected"), [(0.3, Verdict.STRUCK_FROM_BEHIND), (-0.3, Verdict.AT_FAULT)])
+def test_the_cut_in_criterion_decides_between_ego_and_follower(margin: float, expected: Verdict) -> None:
+    closing, steps = 8.0, 400
+    # The ego's body reaches lane 2 when it is 0.8 m off its own centre; from then the follower has `left` seconds.
+    left = time_to_avoid(closing) + margin
+    after = round(left / DT)
+    y = np.full(steps, CENTRE[2])
+    y[: steps - after] = CENTRE[1]
+    ego = track(100.0, 20.0, y, steps)
+    other = track(100.0 - LENGTH + 0.01, 20.0 + closing, CENTRE[2], steps)
+    assert verdict(ego, other) is expected
+
+
+def test_a_follower_in_the_lane_that_the_ego_is_leaving_is_to_blame() -> None:
+    steps = 300
+    y = sideways(CENTRE[1], CENTRE[1] + 1.8, steps, 20)
+    assert verdict(track(100.0, 20.0, y, steps), track(100.0 - LENGTH + 0.01, 25.0, CENTRE[1], steps)) is (
+        Verdict.STRUCK_FROM_BEHIND
+    )
+
+
+def test_a_follower_that_appears_behind_is_not_the_egos_fault() -> None:
+    ego = track(100.0, 20.0, CENTRE[2], 200)
+    assert verdict(ego, track(100.0 - LENGTH + 0.01, 35.0, CENTRE[2], 5), other_appeared=True) is (
+        Verdict.STRUCK_FROM_BEHIND
+    )
+
+
+def test_placing_the_ego_right_before_a_follower_is_the_egos_fault() -> None:
+    ego = track(100.0, 20.0, CENTRE[2], 5)
+    other = track(100.0 - LENGTH + 0.01, 35.0, CENTRE[2], 5)
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
+def test_running_into_a_leader_is_the_egos_fault() -> None:
+    ego, other = track(100.0, 30.0, CENTRE[2], 200), track(100.0 + LENGTH - 0.01, 20.0, CENTRE[2], 200)
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
+@pytest.mark.parametrize(("moving", "expected"), [(15, Verdict.CUT_OFF), (150, Verdict.AT_FAULT)])
+def test_a_cut_in_excuses_the_ego_only_if_it_left_no_time(moving: int, expected: Verdict) -> None:
+    steps = 250
+    ego = track(100.0, 30.0, CENTRE[2], steps)
+    other = track(100.0 + LENGTH - 0.01, 20.0, sideways(CENTRE[1], CENTRE[2], steps, moving), steps)
+    assert verdict(ego, other) is expected
+
+
+def test_a_cut_in_does_not_excuse_an_ego_that_is_changing_lanes() -> None:
+    steps = 250
+    ego = track(100.0, 30.0, sideways(CENTRE[3], CENTRE[2], steps, 15), steps)
+    other = track(100.0 + LENGTH - 0.01, 20.0, sideways(CENTRE[1], CENTRE[2], steps, 15), steps)
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
+def test_a_vehicle_alongside_that_moves_over_is_to_blame() -> None:
+    steps = 100
+    ego = track(100.0, 30.0, CENTRE[2], steps)
+    other = track(101.0, 30.0, sideways(CENTRE[1], CENTRE[2] - WIDTH + 0.05, steps, 40), steps)
+    assert verdict(ego, other) is Verdict.STRUCK_FROM_THE_SIDE
+
+
+def test_moving_over_into_a_vehicle_alongside_is_the_egos_fault() -> None:
+    steps = 100
+    ego = track(100.0, 30.0, sideways(CENTRE[2], CENTRE[1] + WIDTH - 0.05, steps, 40), steps)
+    assert verdict(ego, track(101.0, 30.0, CENTRE[1], steps)) is Verdict.AT_FAULT
+
+
+def test_two_that_move_into_one_lane_is_the_egos_fault() -> None:
+    steps = 100
+    ego = track(100.0, 30.0, sideways(CENTRE[1], CENTRE[2] - 0.9, steps, 40), steps)
+    other = track(101.0, 30.0, sideways(CENTRE[3], CENTRE[2] + 0.9, steps, 40), steps)
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
+def test_a_vehicle_that_appears_inside_the_stopping_distance_is_nobodys_fault() -> None:
+    steps = 20
+    ego, other = track(100.0, 30.0, CENTRE[2], steps), track(100.0 + LENGTH - 0.01, 5.0, CENTRE[2], steps)
+    assert verdict(ego, other, other_appeared=True) is Verdict.OUT_OF_NOWHERE
+    assert verdict(ego, other, other_appeared=False) is Verdict.AT_FAULT
+
+
+def test_a_vehicle_that_appeared_long_ago_is_no_surprise() -> None:
+    steps = round((REACTION + 30.0 / BRAKING) / DT) + 10
+    ego, other = track(100.0, 30.0, CENTRE[2], steps), track(100.0 + LENGTH - 0.01, 25.0, CENTRE[2], steps)
+    assert verdict(ego, other, other_appeared=True) is Verdict.AT_FAULT
+
+
+def test_a_vehicle_that_appears_beyond_the_stopping_distance_is_no_surprise() -> None:
+    steps = 90
+    ego, other = track(100.0, 10.0, CENTRE[2], steps), track(100.0 + LENGTH - 0.01, 0.0, CENTRE[2], steps)
+    gap = float(other.s[0] - ego.s[0]) - LENGTH
+    assert gap > 10.0 * REACTION + 100.0 / (2 * BRAKING)
+    assert verdict(ego, other, other_appeared=True) is Verdict.AT_FAULT
