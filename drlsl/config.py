@@ -19,6 +19,9 @@ Device = Literal["auto", "cpu", "cuda"]
 Position = tuple[int, int]
 """Line and column of a value in its file, both from 1."""
 
+LIKE_ENOUGH = 0.7
+"""How like a known key an unknown one must be to be taken for a slip of the pen."""
+
 Rate = Annotated[float, Field(gt=0.0, le=1.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 Width = Annotated[int, Field(ge=1, le=4096)]
@@ -306,13 +309,20 @@ def _unknown_keys(model: type[BaseModel], values: Mapping[Any, Any], path: str =
 
 def _nearest_key(path: str) -> str:
     """A hint at the known key that looks most like `path`, wherever it lives."""
-    known = [name for name, _ in describe_keys()]
-    sections = {name.rpartition(".")[0] for name in known} - {""}
-    by_leaf = {name.rpartition(".")[2]: name for name in reversed(known)}
-    leaf = difflib.get_close_matches(path.rpartition(".")[2], by_leaf, n=1, cutoff=0.8)
-    whole = difflib.get_close_matches(path, [*known, *sections], n=1)
-    match = by_leaf[leaf[0]] if leaf else (whole[0] if whole else "")
-    return f"; did you mean '{match}'?" if match else "; `drlsl train --print-config` shows the known keys"
+    keys = [name for name, _ in describe_keys()]
+    sections = {name.rpartition(".")[0] for name in keys} - {""}
+
+    def likeness(name: str) -> tuple[float, float]:
+        return _ratio(name.rpartition(".")[2], path.rpartition(".")[2]), _ratio(name, path)
+
+    best = max([*keys, *sorted(sections)], key=likeness)
+    if likeness(best)[0] < LIKE_ENOUGH:
+        return "; `drlsl train --print-config` shows the known keys"
+    return f"; did you mean '{best}'?"
+
+
+def _ratio(one: str, other: str) -> float:
+    return difflib.SequenceMatcher(None, one, other).ratio()
 
 
 def _explain(problem: ErrorDetails, source: str, places: Mapping[str, Position]) -> str:

@@ -48,10 +48,12 @@ def load_state(path: Path, kind: str) -> dict[str, Any]:
         UserError: the file is missing, damaged, of another kind or of another version.
     """
     try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
+        content = path.read_bytes()
     except OSError as error:
         raise UserError(f"{path}: cannot read the {kind}: {error.strerror or error}") from error
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
+    try:
+        state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, ValueError, KeyError) as error:
         raise UserError(f"{path}: not a {kind} file, or damaged ({type(error).__name__})") from error
     found: dict[str, Any] = state if isinstance(state, dict) else {}
     if found.get("kind") != kind:

@@ -13,7 +13,7 @@ from drlsl.driving.reward import TERMS
 
 Observation = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-Highway = gymnasium.Env[Observation, int]
+Highway = gymnasium.Env[Observation, np.int64]
 ActionFilter = Callable[[Highway, Mapping[str, Any]], Mask]
 """Gives the actions offered in the state that `reset` or `step` described by its info. Shape: (A,), bool."""
 

@@ -46,7 +46,7 @@ def _drive_episode(env: Highway, policy: Policy, shield: ShieldState, seed: int)
         offered = offer(env, info)
         choice = greedy_choice(policy.values(observation), offered)
         intervened = not info["action_mask"][choice.preferred]
-        observation, reward, terminated, truncated, info = env.step(choice.action)
+        observation, reward, terminated, truncated, info = env.step(np.int64(choice.action))
         tally.add(float(reward), info, offered, intervened)
         over = terminated or truncated
     return tally.summary(info)

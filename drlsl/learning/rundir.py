@@ -128,9 +128,7 @@ class RunFolder:
         """
         path = self.root / METRICS
         try:
-            frame = pd.read_csv(
-                path, keep_default_na=False, na_values={"loss": [""]}, float_precision="round_trip"
-            )
+            frame = pd.read_csv(path, keep_default_na=False, na_values={"loss": [""]})
         except (OSError, ValueError) as error:
             raise UserError(f"{path}: cannot read the metrics: {error}") from error
         missing = [name for name in METRIC_COLUMNS if name not in frame.columns]

@@ -88,7 +88,7 @@ class Trainer:
         while not over:
             action, preferred = agent.act(observation, offered, epsilon)
             intervened = not info["action_mask"][preferred]
-            next_observation, reward, terminated, truncated, info = env.step(action)
+            next_observation, reward, terminated, truncated, info = env.step(np.int64(action))
             next_offered = self._offered(env, info)
             replay.add(observation, action, float(reward), next_observation, terminated, next_offered)
             loss = self._learn()

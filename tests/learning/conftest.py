@@ -5,6 +5,7 @@ import pytest
 from drlsl import driving
 from drlsl.config import TrainConfig, make_config
 from drlsl.driving.config import EnvConfig
+
 from .fake import FakeHighway
 
 
@@ -32,4 +33,5 @@ def fake_driving(monkeypatch: pytest.MonkeyPatch) -> None:
     def make_env(config: EnvConfig) -> FakeHighway:
         return FakeHighway(config.track_length)
 
-    monkeypatch.setattr(driving, "make_env", make_env, raising=False)
+    # Not setattr, which would first load the real environment only to remember it.
+    monkeypatch.setitem(vars(driving), "make_env", make_env)

@@ -1,0 +1,116 @@
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drlsl.learning.episode import EVALUATION_STREAM, TRAINING_STREAM, EpisodeSummary, episode_seed
+from drlsl.learning.evaluation import ShieldState, as_record, drive, totals
+
+from .fake import FakeHighway
+
+
+class Fixed:
+    """A policy whose values are always the same."""
+
+    def __init__(self, *values: float) -> None:
+        self._values = np.array(values, np.float32)
+
+    def values(self, observation: np.ndarray) -> np.ndarray:
+        return self._values
+
+
+def driven(*values: float, shield: ShieldState, seed: int = 0, episodes: int = 30) -> list[EpisodeSummary]:
+    policy: Any = Fixed(*values)
+    return list(drive(FakeHighway(), policy, shield=shield, episodes=episodes, seed=seed))
+
+
+def test_without_the_shield_the_best_action_of_all_is_taken() -> None:
+    summaries = driven(0, 0, 1, shield="off")
+    assert all(summary.off_road or summary.contact for summary in summaries)
+    assert all(summary.lane_changes == summary.steps <= 3 for summary in summaries)
+    assert all(summary.mask_size == 3.0 for summary in summaries)
+
+
+def test_with_the_shield_the_best_safe_action_is_taken() -> None:
+    summaries = driven(0, 0, 1, shield="on")
+    assert not any(summary.off_road for summary in summaries)
+    assert all(summary.lane_changes <= 2 for summary in summaries)
+    assert all(1.0 <= summary.mask_size < 3.0 for summary in summaries)
+
+
+@pytest.mark.parametrize("shield", ["on", "off"])
+def test_interventions_are_counted_against_the_rules_either_way(shield: ShieldState) -> None:
+    keep = totals(driven(1, 0, 0, shield=shield))
+    assert keep.interventions == 0.0
+    right = driven(0, 0, 1, shield=shield)
+    assert all(summary.interventions >= (not summary.contact) for summary in right)
+    assert 0.0 < totals(right).interventions <= 1.0
+    # Kept from going right, the ego stays in the rightmost lane, where right is never safe.
+    if shield == "on":
+        assert all(summary.interventions >= summary.steps - 10 for summary in right if summary.steps > 20)
+
+
+def test_an_evaluation_is_a_function_of_its_seed() -> None:
+    assert driven(1, 0, 0, shield="off") == driven(1, 0, 0, shield="off")
+    assert driven(1, 0, 0, shield="off") != driven(1, 0, 0, shield="off", seed=1)
+
+
+def test_the_same_episodes_are_driven_with_and_without_the_shield() -> None:
+    on, off = driven(1, 0, 0, shield="on"), driven(1, 0, 0, shield="off")
+    assert [dataclasses.replace(item, mask_size=3.0) for item in on] == off
+
+
+def test_more_episodes_begin_with_the_same_ones() -> None:
+    assert driven(1, 0, 0, shield="off", episodes=9)[:4] == driven(1, 0, 0, shield="off", episodes=4)
+
+
+def test_no_training_episode_is_met_again() -> None:
+    training = {episode_seed(0, TRAINING_STREAM, index) for index in range(2_000)}
+    evaluation = {episode_seed(0, EVALUATION_STREAM, index) for index in range(500)}
+    assert not training & evaluation
+    assert len(training) == 2_000
+
+
+def summary(**values: Any) -> EpisodeSummary:
+    base: dict[str, Any] = {
+        field.name: {"bool": False, "str": "", "int": 0, "float": 0.0}[
+            str(getattr(field.type, "__name__", field.type))
+        ]
+        for field in dataclasses.fields(EpisodeSummary)
+    }
+    return EpisodeSummary(**base | values)
+
+
+def test_totals() -> None:
+    episodes = [
+        summary(steps=10, mean_speed=30.0, total_return=1.0, lane_changes=2, interventions=4, fail_safe=1),
+        summary(steps=30, mean_speed=20.0, total_return=2.0, contact=True, at_fault=True, lane_changes=1),
+        summary(steps=20, mean_speed=20.0, total_return=6.0, contact=True),
+        summary(steps=20, mean_speed=20.0, total_return=3.0, off_road=True, interventions=12),
+    ]
+    together = totals(episodes)
+    assert dataclasses.asdict(together) == {
+        "episodes": 4,
+        "lane_changes": 3,
+        "contacts_at_fault": 1,
+        "contacts_not_at_fault": 1,
+        "off_road": 1,
+        "completed": 1,
+        "mean_steps": 20.0,
+        "mean_steps_completed": 10.0,
+        "mean_speed": pytest.approx(21.25),
+        "mean_return": 3.0,
+        "interventions": pytest.approx(0.2),
+        "fail_safe": 1,
+    }
+    assert totals(episodes[1:]).mean_steps_completed is None
+    with pytest.raises(ValueError, match="no episode"):
+        totals([])
+
+
+def test_a_record_holds_totals_and_episodes() -> None:
+    record = as_record([summary(steps=5)], env={"recording": "x"}, shield="on", seed=3)
+    assert (record["episodes"], record["shield"], record["seed"]) == (1, "on", 3)
+    assert record["totals"]["mean_steps"] == 5.0
+    assert record["per_episode"][0]["steps"] == 5

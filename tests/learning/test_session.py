@@ -1,0 +1,168 @@
+import csv
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from drlsl.config import TrainConfig, make_config, merged
+from drlsl.errors import UserError
+from drlsl.learning.checkpoint import load_state
+from drlsl.learning.rundir import RunFolder
+from drlsl.learning.session import Session, load_policy
+from drlsl.learning.trainer import EpisodeEvent, StepEvent
+
+from .fake import FakeHighway
+
+pytestmark = pytest.mark.usefixtures("fake_driving")
+
+
+def rows(root: Path) -> list[dict[str, str]]:
+    """The metrics as text, without the wall time."""
+    with (root / "metrics.csv").open(newline="") as file:
+        return [{name: row[name] for name in row if name != "wall_s"} for row in csv.DictReader(file)]
+
+
+def flat(state: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Leaves of nested dictionaries and lists by path."""
+    if isinstance(state, dict):
+        for key, value in state.items():
+            yield from flat(value, f"{path}/{key}")
+    elif isinstance(state, list):
+        for index, value in enumerate(state):
+            yield from flat(value, f"{path}/{index}")
+    else:
+        yield path, state
+
+
+def assert_same_outcome(one: Path, other: Path) -> None:
+    """Bit-identical checkpoints, weights and metrics."""
+    assert rows(one) == rows(other)
+    for kind in ("checkpoint", "policy"):
+        mine, theirs = (dict(flat(load_state(root / f"{kind}.pt", kind))) for root in (one, other))
+        assert mine.keys() == theirs.keys()
+        for path, value in mine.items():
+            same = (
+                torch.equal(value, theirs[path]) if isinstance(value, torch.Tensor) else value == theirs[path]
+            )
+            assert same, path
+
+
+def train_whole(root: Path, config: TrainConfig) -> None:
+    for _ in Session.start(root, config).run():
+        pass
+
+
+def test_a_run_leaves_its_files(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    session = Session.start(tmp_path / "run", tiny_config)
+    events = [event for event in session.run() if isinstance(event, EpisodeEvent)]
+    session.draw_figures()
+    assert {path.name for path in session.folder.root.iterdir()} == {
+        "config.yaml",
+        "metrics.csv",
+        "checkpoint.pt",
+        "policy.pt",
+        "figures",
+    }
+    found = rows(session.folder.root)
+    assert [int(row["episode"]) for row in found] == [1, 2, 3, 4, 5, 6]
+    assert [float(row["return"]) for row in found] == [event.summary.total_return for event in events]
+    assert load_state(session.folder.policy, "policy")["episode"] == 6
+
+
+@pytest.mark.parametrize("stop_after", [1, 3, 4])
+def test_a_stopped_and_resumed_run_is_bit_identical(
+    tmp_path: Path, tiny_config: TrainConfig, stop_after: int
+) -> None:
+    train_whole(tmp_path / "whole", tiny_config)
+    session = Session.start(tmp_path / "run", tiny_config)
+    for _ in session.run(lambda: session.trainer.episode == stop_after):
+        pass
+    assert session.trainer.episode == session.saved_episode == stop_after
+    resumed = Session.resume(tmp_path / "run")
+    assert resumed.saved_episode == stop_after
+    for _ in resumed.run():
+        pass
+    assert_same_outcome(tmp_path / "whole", tmp_path / "run")
+
+
+def test_a_killed_run_goes_back_to_its_checkpoint(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    train_whole(tmp_path / "whole", tiny_config)
+    session = Session.start(tmp_path / "run", tiny_config)
+    steps_into_sixth = 0
+    for event in session.run():
+        # What a kill in the middle of the sixth episode leaves is what is on disk at this moment.
+        steps_into_sixth += isinstance(event, StepEvent) and session.trainer.episode == 5
+        if steps_into_sixth == 3:
+            shutil.copytree(tmp_path / "run", tmp_path / "killed")
+            break
+    assert len(rows(tmp_path / "killed")) == 5
+    resumed = Session.resume(tmp_path / "killed")
+    assert resumed.trainer.episode == 4
+    assert len(rows(tmp_path / "killed")) == 4
+    for _ in resumed.run():
+        pass
+    assert_same_outcome(tmp_path / "whole", tmp_path / "killed")
+
+
+def test_a_run_killed_before_its_first_episode_resumes(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    train_whole(tmp_path / "whole", tiny_config)
+    Session.start(tmp_path / "run", tiny_config)
+    for _ in Session.resume(tmp_path / "run").run():
+        pass
+    assert_same_outcome(tmp_path / "whole", tmp_path / "run")
+
+
+def test_a_complete_run_resumes_to_nothing(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    train_whole(tmp_path / "run", tiny_config)
+    assert list(Session.resume(tmp_path / "run").run()) == []
+    assert len(rows(tmp_path / "run")) == 6
+
+
+def test_an_edited_configuration_is_not_resumed(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    train_whole(tmp_path / "run", tiny_config)
+    path = tmp_path / "run" / "config.yaml"
+    path.write_text(path.read_text().replace("episodes: 6", "episodes: 7"))
+    with pytest.raises(UserError, match="changed after the checkpoint"):
+        Session.resume(tmp_path / "run")
+
+
+def test_a_run_without_a_checkpoint_is_not_resumed(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    RunFolder.create(tmp_path / "run", tiny_config)
+    with pytest.raises(UserError, match="cannot read the checkpoint"):
+        Session.resume(tmp_path / "run")
+
+
+def test_an_environment_that_cannot_be_made_leaves_no_folder(
+    tmp_path: Path, tiny_config: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from drlsl import driving
+
+    def fail(config: object) -> None:
+        raise UserError("no such recording")
+
+    monkeypatch.setitem(vars(driving), "make_env", fail)
+    with pytest.raises(UserError, match="no such recording"):
+        Session.start(tmp_path / "runs" / "run", tiny_config)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_policy_drives_as_its_training_left_it(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    session = Session.start(tmp_path / "run", tiny_config)
+    for _ in session.run():
+        pass
+    env = FakeHighway()
+    policy = load_policy(RunFolder.open(tmp_path / "run"), env)
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        expected = session.trainer.agent.policy.values(observation)
+        assert policy.values(observation).tolist() == expected.tolist()
+
+
+def test_weights_of_another_network_are_refused(tmp_path: Path, tiny_config: TrainConfig) -> None:
+    train_whole(tmp_path / "run", tiny_config)
+    wider = make_config(merged(tiny_config.model_dump(), {"network": {"hidden": [32]}}), "test")
+    with pytest.raises(UserError, match="do not fit"):
+        load_policy(RunFolder(tmp_path / "run", wider), FakeHighway())
