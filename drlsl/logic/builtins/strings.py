@@ -1,0 +1,304 @@
+"""Strings, and conversions between texts of any kind, as SWI-Prolog defines them.
+
+A text argument is an atom, a string, a number or a list of characters or codes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from drlsl.logic.builtins.arguments import items, prefix
+from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.builtins.text import any_text, is_code, number_text, sub_text
+from drlsl.logic.errors import PrologSyntaxError, domain_error, instantiation_error, type_error
+from drlsl.logic.reader import parse_number, read_term
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
+from drlsl.logic.writer import format_term
+
+
+def text(term: Term) -> str:
+    """The text of an argument.
+
+    Raises:
+        InstantiationError, PrologTypeError: a variable; a term that is no text.
+    """
+    found = any_text(term)
+    if found is not None:
+        return found
+    term = deref(term)
+    if isinstance(term, Var):
+        raise instantiation_error()
+    raise type_error("text", term)
+
+
+def _atomic_text(term: Term) -> str:
+    term = deref(term)
+    if isinstance(term, Var):
+        raise instantiation_error()
+    if isinstance(term, Struct):
+        raise type_error("atomic", term)
+    return "[]" if term is NIL else text(term)
+
+
+def _is_free(term: Term) -> bool:
+    return isinstance(deref(term), Var)
+
+
+@det("atom_number", 2)
+def atom_number(machine: Machine, atom: Term, number: Term) -> bool:
+    """Fails where the atom is not the text of a number."""
+    if not _is_free(atom):
+        return _unify_number(machine, _atomic_text(atom), number)
+    return machine.unify(atom, Atom(number_text(_number(number))))
+
+
+@det("number_string", 2)
+def number_string(machine: Machine, number: Term, string: Term) -> bool:
+    """Fails where the string is not the text of a number."""
+    if not _is_free(string):
+        return _unify_number(machine, text(string), number)
+    return machine.unify(string, number_text(_number(number)))
+
+
+def _unify_number(machine: Machine, characters: str, number: Term) -> bool:
+    if not characters[:1].isprintable() or characters[:1] == " " or characters[:2] in ("- ", "+-"):
+        return False
+    try:
+        value = parse_number(characters.removeprefix("+"), machine.flags)
+    except PrologSyntaxError:
+        return False
+    return machine.unify(number, value)
+
+
+def _number(term: Term) -> int | float:
+    term = deref(term)
+    if isinstance(term, (int, float)):
+        return term
+    raise instantiation_error() if isinstance(term, Var) else type_error("number", term)
+
+
+def _declare_conversion(name: str, first: Callable[[str], Term], second: Callable[[str], Term]) -> None:
+    """A relation of two texts of the same characters, each made by its function when it is a variable."""
+
+    @det(name, 2)
+    def conversion(machine: Machine, left: Term, right: Term) -> bool:
+        if not _is_free(left):
+            return machine.unify(right, second(text(left)))
+        return machine.unify(left, first(text(right)))
+
+
+def _codes(characters: str) -> Term:
+    return make_list([ord(char) for char in characters])
+
+
+def _chars(characters: str) -> Term:
+    return make_list([Atom(char) for char in characters])
+
+
+def _string(characters: str) -> Term:
+    return characters
+
+
+_declare_conversion("atom_string", Atom, _string)
+_declare_conversion("string_chars", _string, _chars)
+_declare_conversion("string_codes", _string, _codes)
+_declare_conversion("string_to_atom", _string, Atom)
+_declare_conversion("text_to_string", _string, _string)
+
+
+def _declare_change(name: str, change: Callable[[str], Term]) -> None:
+    @det(name, 2)
+    def changed(machine: Machine, given: Term, result: Term) -> bool:
+        return machine.unify(result, change(text(given)))
+
+
+_declare_change("string_length", len)
+_declare_change("string_lower", str.lower)
+_declare_change("string_upper", str.upper)
+_declare_change("upcase_atom", lambda given: Atom(given.upper()))
+_declare_change("downcase_atom", lambda given: Atom(given.lower()))
+
+
+@det("string_code", 3)
+def string_code(machine: Machine, index: Term, string: Term, code: Term) -> bool:
+    """The code of the character at a place that counts from 1; fails outside the string."""
+    place = _number(index)
+    characters = text(string)
+    if not isinstance(place, int):
+        raise type_error("integer", place)
+    if place < 0:
+        raise domain_error("not_less_than_zero", place)
+    return 1 <= place <= len(characters) and machine.unify(code, ord(characters[place - 1]))
+
+
+def _concat(
+    machine: Machine, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
+) -> Iterator[bool]:
+    if not _is_free(first) and not _is_free(second):
+        if machine.unify(whole, make(_atomic_text(first) + _atomic_text(second))):
+            yield True
+        return
+    characters = _atomic_text(whole)
+    for cut in range(len(characters) + 1):
+        left, right = characters[:cut], characters[cut:]
+        if not _is_free(first) and _atomic_text(first) != left:
+            continue
+        if not _is_free(second) and _atomic_text(second) != right:
+            continue
+        if (not _is_free(first) or machine.unify(first, make(left))) and (
+            not _is_free(second) or machine.unify(second, make(right))
+        ):
+            yield cut == len(characters)
+
+
+@nondet("string_concat", 3)
+def string_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Iterator[bool]:
+    return _concat(machine, first, second, whole, _string)
+
+
+@nondet("sub_string", 5)
+def sub_string(
+    machine: Machine, string: Term, before: Term, length: Term, after: Term, sub: Term
+) -> Iterator[bool]:
+    known: Term = sub if _is_free(sub) else text(sub)
+    return sub_text(machine, text(string), before, length, after, known, _string)
+
+
+@det("split_string", 4)
+def split_string(machine: Machine, string: Term, separators: Term, pad: Term, parts: Term) -> bool:
+    """Split at each separator and strip the characters of `pad` from both ends of each part.
+
+    A run of separators that are padding too counts as one.
+    """
+    given, split_at, strip = text(string), text(separators), text(pad)
+    rest = given.strip(strip) if strip else given
+    pieces: list[Term] = []
+    while split_at:
+        end = next((place for place, char in enumerate(rest) if char in split_at), -1)
+        if end < 0:
+            break
+        pieces.append(rest[:end].rstrip(strip) if strip else rest[:end])
+        rest = rest[end + 1 :]
+        if strip:
+            rest = rest.lstrip(strip)
+    pieces.append(rest)
+    return machine.unify(parts, make_list(pieces))
+
+
+@det("atomic_list_concat", 2)
+def atomic_list_concat(machine: Machine, parts: Term, whole: Term) -> bool:
+    return machine.unify(whole, Atom("".join(_atomic_text(part) for part in items(parts))))
+
+
+@det("atomic_list_concat", 3)
+def atomic_list_concat_separated(machine: Machine, parts: Term, separator: Term, whole: Term) -> bool:
+    """Join atomic terms with a separator, or split an atom at a separator that is not empty."""
+    between = _atomic_text(separator)
+    elements, tail = prefix(parts)
+    if tail is NIL and not any(_is_free(element) for element in elements):
+        return machine.unify(whole, Atom(between.join(_atomic_text(element) for element in elements)))
+    if _is_free(whole):
+        raise instantiation_error()
+    if not between:
+        raise domain_error("non_empty_atom", deref(separator))
+    return machine.unify(parts, make_list([Atom(part) for part in _atomic_text(whole).split(between)]))
+
+
+def written(machine: Machine, term: Term) -> str:
+    """A term as writeq/1 writes it."""
+    return format_term(term, machine.operators, quoted=True, numbervars=True)
+
+
+def _declare_term_text(name: str, make: Callable[[str], Term]) -> None:
+    @det(name, 2)
+    def term_text(machine: Machine, term: Term, characters: Term) -> bool:
+        if _is_free(term):
+            if _is_free(characters):
+                return machine.unify(characters, make(written(machine, term)))
+            return machine.unify(term, read_term(text(characters), machine.operators, machine.flags).term)
+        return machine.unify(characters, make(written(machine, term)))
+
+
+_declare_term_text("term_to_atom", Atom)
+_declare_term_text("term_string", _string)
+
+
+@det("read_term_from_atom", 3)
+def read_term_from_atom(machine: Machine, atom: Term, term: Term, _options: Term) -> bool:
+    return machine.unify(term, read_term(text(atom), machine.operators, machine.flags).term)
+
+
+@det("atom_to_term", 3)
+def atom_to_term(machine: Machine, atom: Term, term: Term, bindings: Term) -> bool:
+    """The term that a text denotes, with its variables as ``Name = Variable``."""
+    read = read_term(text(atom), machine.operators, machine.flags)
+    named = [Struct("=", (Atom(name), variable)) for name, variable in read.variables.items()]
+    return machine.unify(term, read.term) and machine.unify(bindings, make_list(named))
+
+
+@nondet("char_type", 2)
+def char_type(machine: Machine, char: Term, kind: Term) -> Iterator[bool]:
+    return _classify(machine, char, kind, Atom)
+
+
+@nondet("code_type", 2)
+def code_type(machine: Machine, code: Term, kind: Term) -> Iterator[bool]:
+    return _classify(machine, code, kind, ord)
+
+
+_LATIN: Final = 256  # how far char_type(-, +) looks for characters
+_CLASSES: Final[dict[str, Callable[[str], bool]]] = {
+    "alnum": str.isalnum,
+    "alpha": lambda char: char.isalnum() or char == "_",
+    "csym": lambda char: char.isalnum() or char == "_",
+    "csymf": lambda char: char.isalpha() or char == "_",
+    "digit": lambda char: char in "0123456789",
+    "graph": lambda char: char.isprintable() and not char.isspace(),
+    "lower": str.islower,
+    "upper": str.isupper,
+    "punct": lambda char: char.isprintable() and not char.isspace() and not char.isalnum(),
+    "space": str.isspace,
+    "white": lambda char: char in " \t",
+    "end_of_line": lambda char: char in "\n\v\f\r",
+}
+
+
+def _classify(machine: Machine, subject: Term, kind: Term, make: Callable[[str], Term]) -> Iterator[bool]:
+    subject, kind = deref(subject), deref(kind)
+    if isinstance(kind, Var):
+        raise instantiation_error()
+    if isinstance(subject, Var):
+        for code in range(_LATIN):
+            if _belongs(machine, chr(code), kind, make) and machine.unify(subject, make(chr(code))):
+                yield False
+        return
+    char = chr(subject) if is_code(subject) and isinstance(subject, int) else text(subject)
+    if len(char) != 1:
+        raise type_error("character", subject)
+    if _belongs(machine, char, kind, make):
+        yield True
+
+
+def _belongs(machine: Machine, char: str, kind: Term, make: Callable[[str], Term]) -> bool:
+    if isinstance(kind, Atom) and kind.name in _CLASSES:
+        return _CLASSES[kind.name](char)
+    if isinstance(kind, Struct) and len(kind.args) == 1:
+        return _relates(machine, char, kind, make)
+    raise domain_error("char_type", kind)
+
+
+def _relates(machine: Machine, char: str, kind: Struct, make: Callable[[str], Term]) -> bool:
+    """digit(Weight), to_lower(Lower), to_upper(Upper), upper(Lower), lower(Upper)"""
+    argument = kind.args[0]
+    if kind.name == "digit":
+        return char in "0123456789" and machine.unify(argument, int(char))
+    if kind.name == "to_lower":
+        return machine.unify(argument, make(char.lower()[0]))
+    if kind.name == "to_upper":
+        return machine.unify(argument, make(char.upper()[0]))
+    if kind.name == "upper":
+        return char.isupper() and machine.unify(argument, make(char.lower()[0]))
+    if kind.name == "lower":
+        return char.islower() and machine.unify(argument, make(char.upper()[0]))
+    raise domain_error("char_type", kind)
