@@ -44,7 +44,9 @@ def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objectio
     Raises:
         PrologError: the rules raised an error.
     """
-    unsafe: dict[Action, list[Objection]] = {action: [] for action in Action if action not in decision.safe_actions}
+    unsafe: dict[Action, list[Objection]] = {
+        action: [] for action in Action if action not in decision.safe_actions
+    }
     if shield.engine.defines("objection", 2):
         for solution in shield.engine.query("objection(Action, Reason)", limits=LIMITS):
             action = action_of_atom(solution["Action"])
@@ -64,7 +66,10 @@ def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
     nearest: dict[str, BusySection | None] = dict.fromkeys(SECTIONS)
     if shield.engine.defines("busy_section", 3):
         for solution in shield.engine.query("busy_section(Section, Car, Gap)", limits=LIMITS):
-            section, found = str(solution["Section"]), BusySection(str(solution["Car"]), _number(solution["Gap"]))
+            section, found = (
+                str(solution["Section"]),
+                BusySection(str(solution["Car"]), _number(solution["Gap"])),
+            )
             known = nearest.get(section)
             if known is None or found.gap < known.gap:
                 nearest[section] = found

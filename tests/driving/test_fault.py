@@ -17,7 +17,9 @@ LENGTH, WIDTH = 4.6, 1.9
 def track(s: float, speed: float, y: float | np.ndarray, steps: int) -> Track:
     """A vehicle at constant speed that ends at `s`."""
     times = (np.arange(steps) - (steps - 1)) * DT
-    return Track(s + speed * times, np.broadcast_to(y, steps).astype(float), np.full(steps, speed), LENGTH, WIDTH)
+    return Track(
+        s + speed * times, np.broadcast_to(y, steps).astype(float), np.full(steps, speed), LENGTH, WIDTH
+    )
 
 
 def sideways(begin: float, end: float, steps: int, moving: int) -> np.ndarray:
@@ -45,7 +47,9 @@ def test_entering_a_lane_right_before_a_faster_follower_is_the_egos_fault() -> N
     assert verdict(ego, other) is Verdict.AT_FAULT
 
 
-@pytest.mark.parametrize(("margin", "expected"), [(0.3, Verdict.STRUCK_FROM_BEHIND), (-0.3, Verdict.AT_FAULT)])
+@pytest.mark.parametrize(
+    ("margin", "expected"), [(0.3, Verdict.STRUCK_FROM_BEHIND), (-0.3, Verdict.AT_FAULT)]
+)
 def test_the_cut_in_criterion_decides_between_ego_and_follower(margin: float, expected: Verdict) -> None:
     closing, steps = 8.0, 400
     # The ego's body reaches lane 2 when it is 0.8 m off its own centre; from then the follower has `left` seconds.

@@ -1,0 +1,183 @@
+"""The rules of highway.pl written by hand in Python, from their meaning and not from their text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from drlsl.driving.scene import Scene, Vehicle
+from drlsl.traffic.road import Lane
+
+RESPONSE_TIME, RESPONSE_ACCELERATION, REAR_BRAKING, FRONT_BRAKING = 0.35, 3.0, 6.0, 8.0
+STANDSTILL, MARGIN, CHANGE_TIME, COMFORT = 2.0, 0.3, 3.0, 3.0
+HORIZON = {"own": 1.0, "home": 1.0, "left": 3.0, "right": 3.0}
+SECTIONS = {
+    "front": ("own", "ahead"),
+    "front_right": ("right", "ahead"),
+    "right": ("right", "alongside"),
+    "back_right": ("right", "behind"),
+    "back": ("own", "behind"),
+    "back_left": ("left", "behind"),
+    "left": ("left", "alongside"),
+    "front_left": ("left", "ahead"),
+}
+
+
+def critical_distance(rear: float, front: float) -> float:
+    """RSS, Definition 1."""
+    reached = rear + RESPONSE_ACCELERATION * RESPONSE_TIME
+    responding = rear * RESPONSE_TIME + RESPONSE_ACCELERATION * RESPONSE_TIME * RESPONSE_TIME / 2
+    return max(0.0, responding + reached * reached / (2 * REAR_BRAKING) - front * front / (2 * FRONT_BRAKING))
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """What the rules should say about one scene."""
+
+    scene: Scene
+
+    @property
+    def ego(self) -> Vehicle:
+        return self.scene.ego
+
+    @property
+    def lane(self) -> Lane:
+        lane = self.scene.road.lane(self.ego.lane)
+        assert lane is not None
+        return lane
+
+    @property
+    def target(self) -> Lane:
+        lane = self.scene.road.lane(self.scene.target_lane)
+        assert lane is not None
+        return lane
+
+    @property
+    def sign(self) -> int:
+        return self.lane.direction.sign
+
+    def speed(self, car: Vehicle) -> float:
+        return max(0.0, self.sign * car.vx)
+
+    def targets(self) -> list[Vehicle]:
+        ego = self.ego
+        return [
+            car
+            for car in self.scene.in_range()
+            if math.sqrt((ego.x - car.x) * (ego.x - car.x) + (ego.y - car.y) * (ego.y - car.y))
+            <= self.scene.road.radar_range
+        ]
+
+    def offset(self, car: Vehicle) -> float:
+        return self.sign * (car.x - self.ego.x)
+
+    def gap(self, car: Vehicle) -> float:
+        return abs(self.offset(car)) - (self.ego.length + car.length) / 2
+
+    def side_lane(self, side: str) -> Lane | None:
+        turn = {"left": -1, "right": 1}[side] * self.sign
+        same_way = sorted(self.scene.road.lanes_of(self.lane.direction), key=lambda lane: lane.centre)
+        index = same_way.index(self.lane) + turn
+        return same_way[index] if 0 <= index < len(same_way) else None
+
+    def way(self, side: str) -> tuple[float, float] | None:
+        if side == "own":
+            return min(self.ego.y, self.target.centre), max(self.ego.y, self.target.centre)
+        lane = self.lane if side == "home" else self.side_lane(side)
+        return (lane.centre, lane.centre) if lane else None
+
+    def in_way(self, car: Vehicle, side: str) -> bool:
+        way = self.way(side)
+        if way is None:
+            return False
+        swept = sorted((car.y, car.y + car.vy * HORIZON[side]))
+        reach = (self.ego.width + car.width) / 2 + MARGIN
+        return swept[0] - way[1] < reach and way[0] - swept[1] < reach
+
+    def place(self, car: Vehicle) -> str:
+        if self.gap(car) <= 0:
+            return "alongside"
+        return "ahead" if self.offset(car) > 0 else "behind"
+
+    def section(self, name: str) -> list[Vehicle]:
+        side, place = SECTIONS[name]
+        return [car for car in self.targets() if self.place(car) == place and self.in_way(car, side)]
+
+    def busy(self, name: str) -> bool:
+        return bool(self.section(name))
+
+    def needed_gap(self, car: Vehicle) -> float:
+        own, other = self.speed(self.ego), self.speed(car)
+        rear, front = (own, other) if self.offset(car) >= 0 else (other, own)
+        return critical_distance(rear, front) + STANDSTILL
+
+    def obstacles(self, side: str) -> list[Vehicle]:
+        return [
+            car for car in self.targets() if self.in_way(car, side) and self.gap(car) < self.needed_gap(car)
+        ]
+
+    @property
+    def settled(self) -> bool:
+        return (
+            self.target == self.lane
+            and abs(self.ego.y - self.target.centre) <= self.scene.road.centre_tolerance
+        )
+
+    def is_safe(self, side: str) -> bool:
+        return not self.obstacles(side)
+
+    def is_valid(self, side: str) -> bool:
+        return self.side_lane(side) is not None
+
+    def actions(self) -> list[str]:
+        offered = ["lane_keeping"]
+        for side in ("left", "right"):
+            if self.settled and self.is_valid(side) and self.is_safe(side):
+                offered.append(f"{side}_lane_change")
+        return offered
+
+    def pressing(self, side: str) -> bool:
+        for car in self.targets():
+            own, other = self.speed(self.ego), self.speed(car)
+            closing = max(0.0, own - other if self.offset(car) >= 0 else other - own)
+            if self.in_way(car, side) and self.gap(car) < STANDSTILL + closing * CHANGE_TIME:
+                return True
+        return False
+
+    def lane_to_keep(self) -> int:
+        for side in ("left", "right"):
+            if self.side_lane(side) == self.target and self.pressing(side) and not self.pressing("home"):
+                return self.lane.id
+        return self.target.id
+
+    def acceleration(self) -> float:
+        road, own = self.scene.road, self.speed(self.ego)
+        wanted = [(self.lane.speed_limit - own) / road.time_step]
+        for car in self.section("front"):
+            gap, other = self.gap(car), self.speed(car)
+            needed = self.needed_gap(car)
+            if gap > needed:
+                wanted.append(max(-COMFORT, (other * other - own * own) / (2 * (gap - needed))))
+            else:
+                wanted.append(-(own * own) / (2 * (gap + other * other / (2 * FRONT_BRAKING))))
+        return max(-road.braking_limit, min(road.acceleration_limit, min(wanted)))
+
+    def target_speed(self) -> float:
+        reached = self.speed(self.ego) + self.acceleration() * self.scene.road.time_step
+        return max(0.0, min(self.lane.speed_limit, reached))
+
+    def room(self, name: str) -> float:
+        if self.way(SECTIONS[name][0]) is None:
+            return 0.0
+        gaps = [self.gap(car) for car in self.section(name)]
+        return max(0.0, min(1.0, min(gaps) / self.scene.road.radar_range)) if gaps else 1.0
+
+    def observation(self) -> list[float]:
+        lanes = self.scene.road.lanes_of(self.lane.direction)
+        rightward = sum(self.sign * (lane.centre - self.lane.centre) > 0 for lane in lanes)
+        highest = max(lane.speed_limit for lane in self.scene.road.lanes)
+        return [
+            *(self.room(name) for name in SECTIONS),
+            rightward / max(1.0, len(lanes) - 1.0),
+            max(0.0, min(1.0, self.speed(self.ego) / highest)),
+        ]

@@ -1,0 +1,134 @@
+"""Every predicate of highway.pl equals a predicate written by hand, on generated scenes."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
+from tests.properties.oracle import SECTIONS, Oracle, critical_distance
+from tests.scenes import scenes
+
+MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+@pytest.fixture(scope="module")
+def shield() -> Shield:
+    return Shield.default()
+
+
+def ask(shield: Shield, scene: Scene, goal: str) -> list[dict[str, object]]:
+    shield.state_facts(scene)
+    return [dict(solution) for solution in shield.engine.query(goal)]
+
+
+def cars(found: list[dict[str, object]]) -> list[object]:
+    return [solution["Car"] for solution in found]
+
+
+@MANY
+@given(scene=scenes())
+def test_decision(shield: Shield, scene: Scene) -> None:
+    oracle, decision = Oracle(scene), shield.decide(scene)
+    assert [action.atom for action in decision.safe_actions] == oracle.actions()
+    assert decision.target_speed == oracle.target_speed()
+    assert list(decision.observation) == oracle.observation()
+    assert decision.front_is_free == (not oracle.busy("front"))
+    assert decision.lane_to_keep == oracle.lane_to_keep()
+    assert shield.entry_is_safe(scene) == oracle.is_safe("own")
+    assert any(decision.action_mask)
+
+
+@MANY
+@given(scene=scenes())
+def test_sections(shield: Shield, scene: Scene) -> None:
+    oracle = Oracle(scene)
+    for name in SECTIONS:
+        busy = oracle.busy(name)
+        assert bool(ask(shield, scene, f"{name}_is_busy")) == busy
+        assert bool(ask(shield, scene, f"{name}_is_free")) != busy
+        assert cars(ask(shield, scene, f"busy_section({name}, Car, Gap)")) == [
+            car.id for car in oracle.section(name)
+        ]
+        nearest = min(oracle.section(name), key=oracle.gap, default=None)
+        assert cars(ask(shield, scene, f"nearest({name}, Car, Gap)")) == ([nearest.id] if nearest else [])
+
+
+@MANY
+@given(scene=scenes())
+def test_sides(shield: Shield, scene: Scene) -> None:
+    oracle = Oracle(scene)
+    for side in ("left", "right"):
+        assert bool(ask(shield, scene, f"{side}_is_valid")) == oracle.is_valid(side)
+        assert bool(ask(shield, scene, f"{side}_is_safe")) == oracle.is_safe(side)
+        lane = oracle.side_lane(side)
+        assert ask(shield, scene, f"side_lane({side}, Lane)") == ([{"Lane": lane.id}] if lane else [])
+    for side in ("own", "home", "left", "right"):
+        found = ask(shield, scene, f"obstacle({side}, Car, Gap, Needed)")
+        assert [(row["Car"], row["Gap"], row["Needed"]) for row in found] == [
+            (car.id, oracle.gap(car), oracle.needed_gap(car)) for car in oracle.obstacles(side)
+        ]
+        assert bool(ask(shield, scene, f"pressing({side}, Car)")) == oracle.pressing(side)
+    assert bool(ask(shield, scene, "settled")) == oracle.settled
+
+
+@MANY
+@given(scene=scenes())
+def test_reading_of_the_facts(shield: Shield, scene: Scene) -> None:
+    oracle = Oracle(scene)
+    assert cars(ask(shield, scene, "target_vehicle(Car)")) == [car.id for car in oracle.targets()]
+    assert ask(shield, scene, "direction(ego, D)") == [{"D": oracle.lane.direction.value}]
+    assert ask(shield, scene, "ego_heading(S)") == [{"S": oracle.sign}]
+    assert ask(shield, scene, "speed_limit(V)") == [{"V": oracle.lane.speed_limit}]
+    for car in (scene.ego, *scene.in_range()):
+        assert ask(shield, scene, f"lane({car.id}, L), position_x({car.id}, X), position_y({car.id}, Y)") == [
+            {"L": car.lane, "X": car.x, "Y": car.y}
+        ]
+        assert ask(shield, scene, f"speed({car.id}, V)") == [{"V": oracle.speed(car)}]
+        assert ask(shield, scene, f"offset({car.id}, S), gap({car.id}, G)") == [
+            {"S": oracle.offset(car), "G": oracle.gap(car)}
+        ]
+    for car in oracle.targets():
+        (found,) = ask(shield, scene, f"speed(ego, V1), speed({car.id}, V2), critical_distance(V1, V2, C)")
+        assert found["C"] == critical_distance(oracle.speed(scene.ego), oracle.speed(car))
+
+
+@MANY
+@given(scene=scenes())
+def test_an_action_is_offered_exactly_when_nothing_speaks_against_it(shield: Shield, scene: Scene) -> None:
+    offered = {action.atom for action in shield.decide(scene).safe_actions}
+    opposed = {row["A"] for row in ask(shield, scene, "objection(A, _)")}
+    assert offered.isdisjoint(opposed)
+    assert offered | opposed == {"lane_keeping", "left_lane_change", "right_lane_change"}
+
+
+def mirrored(scene: Scene) -> Scene:
+    """The scene turned by half a turn: every direction, place and velocity the other way."""
+
+    def turned(car):  # type: ignore[no-untyped-def]
+        return car._replace(x=-car.x, y=-car.y, vx=-car.vx, vy=-car.vy)
+
+    from dataclasses import replace
+
+    from drlsl.traffic.road import Direction
+
+    other = {
+        Direction.LEFT_TO_RIGHT: Direction.RIGHT_TO_LEFT,
+        Direction.RIGHT_TO_LEFT: Direction.LEFT_TO_RIGHT,
+    }
+    lanes = tuple(
+        replace(lane, centre=-lane.centre, direction=other[lane.direction]) for lane in scene.road.lanes
+    )
+    return replace(
+        scene,
+        road=replace(scene.road, lanes=lanes),
+        ego=turned(scene.ego),
+        vehicles=tuple(turned(car) for car in scene.vehicles),
+    )
+
+
+@MANY
+@given(scene=scenes())
+def test_half_a_turn_changes_nothing(shield: Shield, scene: Scene) -> None:
+    assert shield.decide(mirrored(scene)) == shield.decide(scene)

@@ -1,0 +1,107 @@
+"""Hypothesis strategies for scenes: two to six lanes, both directions, touching boxes, equal places, road edges."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+from drlsl.driving.control import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.scene import EGO, Road, Scene, Vehicle
+from drlsl.traffic.road import Direction, Lane
+
+EGO_LENGTH, EGO_WIDTH = 4.6, 1.9
+
+
+def road(upper: int, lower: int, width: float = 3.5, limit: float = 36.0, time_step: float = 0.04) -> Road:
+    """A road with `upper` lanes that run right to left above `lower` lanes that run left to right."""
+    median = 2.0 if upper and lower else 0.0
+    lanes = [
+        Lane(index + 1, Direction.RIGHT_TO_LEFT, (index + 0.5) * width, width, limit)
+        for index in range(upper)
+    ] + [
+        Lane(upper + index + 1, Direction.LEFT_TO_RIGHT, (upper + index + 0.5) * width + median, width, limit)
+        for index in range(lower)
+    ]
+    return Road(tuple(lanes), time_step, 100.0, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE)
+
+
+@st.composite
+def roads(draw: st.DrawFn) -> Road:
+    """Two to six lanes over both directions, of one width, with one limit or a slower outer lane."""
+    upper = draw(st.integers(0, 3))
+    lower = draw(st.integers(2 if upper < 2 else 0, 3))
+    base = road(
+        upper,
+        lower,
+        draw(st.sampled_from([3.0, 3.5, 3.75])),
+        draw(st.sampled_from([22.0, 30.0, 36.11])),
+        draw(st.sampled_from([0.04, 0.1])),
+    )
+    if draw(st.booleans()):
+        slow = base.lanes[0]
+        lanes = (Lane(slow.id, slow.direction, slow.centre, slow.width, 13.9), *base.lanes[1:])
+        return Road(
+            lanes,
+            base.time_step,
+            base.radar_range,
+            base.acceleration_limit,
+            base.braking_limit,
+            base.centre_tolerance,
+        )
+    return base
+
+
+@st.composite
+def vehicles(draw: st.DrawFn, name: str, on: Road, ego: Vehicle) -> Vehicle:
+    """A vehicle near the ego: anywhere, bumper to bumper, at the same place, or exactly at the end of the radar range."""
+    lane = draw(st.sampled_from(on.lanes))
+    length = draw(st.sampled_from([4.0, 4.6, 12.0]))
+    touching = (ego.length + length) / 2
+    offset = draw(
+        st.one_of(
+            st.floats(-130.0, 130.0, allow_nan=False),
+            st.sampled_from(
+                [0.0, touching, -touching, on.radar_range, -on.radar_range, touching + 2.0, -touching - 2.0]
+            ),
+        )
+    )
+    shift = draw(st.one_of(st.just(0.0), st.floats(-2.0, 2.0, allow_nan=False)))
+    speed = draw(st.one_of(st.sampled_from([0.0, abs(ego.vx)]), st.floats(0.0, 45.0, allow_nan=False)))
+    y = lane.centre + shift
+    return Vehicle(
+        name,
+        on.lane_at(y),
+        ego.x + offset,
+        y,
+        lane.direction.sign * speed,
+        draw(st.one_of(st.just(0.0), st.floats(-1.5, 1.5, allow_nan=False))),
+        length,
+        draw(st.sampled_from([1.8, 1.9, 2.5])),
+    )
+
+
+@st.composite
+def scenes(draw: st.DrawFn, most: int = 8) -> Scene:
+    """A scene with up to `most` vehicles; the ego is in a lane, perhaps on its way to a neighbouring one."""
+    on = draw(roads())
+    lane = draw(st.sampled_from(on.lanes))
+    shift = draw(st.one_of(st.just(0.0), st.floats(-lane.width / 2, lane.width / 2, allow_nan=False)))
+    speed = draw(st.one_of(st.sampled_from([0.0, lane.speed_limit]), st.floats(0.0, 40.0, allow_nan=False)))
+    ego = Vehicle(
+        EGO,
+        lane.id,
+        draw(st.sampled_from([0.0, 200.0])),
+        lane.centre + shift,
+        lane.direction.sign * speed,
+        draw(st.sampled_from([0.0, 0.0, 1.0, -1.0])),
+        EGO_LENGTH,
+        EGO_WIDTH,
+    )
+    near = [
+        other.id
+        for other in on.lanes_of(lane.direction)
+        if abs(other.centre - lane.centre) < 1.5 * lane.width and other.id != lane.id
+    ]
+    target = draw(st.sampled_from([lane.id, lane.id, *near]))
+    count = draw(st.integers(0, most))
+    others = tuple(draw(vehicles(f"v{index}", on, ego)) for index in range(count))
+    return Scene(on, ego, others, target)
