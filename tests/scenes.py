@@ -1,4 +1,4 @@
-"""Hypothesis strategies for scenes: two to six lanes, both directions, touching boxes, equal places, road edges."""
+"""Hypothesis strategies for scenes: two to six lanes, both directions, touching boxes, equal places."""
 
 from __future__ import annotations
 

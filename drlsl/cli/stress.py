@@ -22,7 +22,9 @@ def stress(
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
     rules: Annotated[
         list[Path] | None,
-        typer.Option("--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."),
+        typer.Option(
+            "--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."
+        ),
     ] = None,
     direction: Annotated[
         Literal["both", "left_to_right", "right_to_left"], typer.Option(help="Which way the ego drives.")
@@ -32,7 +34,8 @@ def stress(
     ] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the worst contacts here, as scenes for drlsl query.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the worst contacts here, as scenes for drlsl query."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -44,7 +47,7 @@ def stress(
     from drlsl.driving.stress import POLICIES, StressReport
     from drlsl.driving.stress import stress as run
     from drlsl.errors import UserError
-    from drlsl.traffic import load_recording
+    from drlsl.traffic.load import load_recording
 
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")

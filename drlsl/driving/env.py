@@ -15,7 +15,7 @@ from drlsl.driving.reward import TERMS
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import OBSERVATION_SIZE, Shield
 from drlsl.driving.world import StepResult, World
-from drlsl.traffic import load_recording
+from drlsl.traffic.load import load_recording
 
 Observation: TypeAlias = npt.NDArray[np.float32]
 

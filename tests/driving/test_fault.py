@@ -52,7 +52,7 @@ def test_entering_a_lane_right_before_a_faster_follower_is_the_egos_fault() -> N
 )
 def test_the_cut_in_criterion_decides_between_ego_and_follower(margin: float, expected: Verdict) -> None:
     closing, steps = 8.0, 400
-    # The ego's body reaches lane 2 when it is 0.8 m off its own centre; from then the follower has `left` seconds.
+    # The ego is in lane 2 from one frame to the next; from then the follower has `left` seconds.
     left = time_to_avoid(closing) + margin
     after = round(left / DT)
     y = np.full(steps, CENTRE[2])
