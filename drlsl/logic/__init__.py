@@ -1,0 +1,50 @@
+"""A Prolog to embed: standard library only.
+
+    from drlsl.logic import Engine
+
+    engine = Engine()
+    engine.consult_text("parent(ada, byron). parent(byron, clara).")
+    [solution["X"] for solution in engine.query("parent(X, _)")]
+"""
+
+from drlsl.logic.builtins.control import Halt
+from drlsl.logic.consult import ConsultError, LoadWarning
+from drlsl.logic.engine import Engine, Query
+from drlsl.logic.errors import (
+    DomainError,
+    EvaluationError,
+    ExistenceError,
+    InstantiationError,
+    PrologError,
+    PrologPermissionError,
+    PrologSyntaxError,
+    PrologTypeError,
+    RepresentationError,
+    ResourceError,
+)
+from drlsl.logic.solver import LimitExceeded, Limits
+from drlsl.logic.values import Compound, Solution, String, Variable
+
+__all__ = [
+    "Compound",
+    "ConsultError",
+    "DomainError",
+    "Engine",
+    "EvaluationError",
+    "ExistenceError",
+    "Halt",
+    "InstantiationError",
+    "LimitExceeded",
+    "Limits",
+    "LoadWarning",
+    "PrologError",
+    "PrologPermissionError",
+    "PrologSyntaxError",
+    "PrologTypeError",
+    "Query",
+    "RepresentationError",
+    "ResourceError",
+    "Solution",
+    "String",
+    "Variable",
+]

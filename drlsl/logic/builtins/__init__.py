@@ -1,1 +1,5 @@
-"""The built-in predicates, one module for each family."""
+"""The built-in predicates, one module for each family; importing this package fills the registry."""
+
+from drlsl.logic.builtins import arith, compare, control, database, lists, strings, syntax, text, types
+
+__all__ = ["arith", "compare", "control", "database", "lists", "strings", "syntax", "text", "types"]

@@ -34,7 +34,7 @@ class Machine(Protocol):
 
     @property
     def state(self) -> dict[str, Any]:
-        """A place per engine for what a module of builtins must remember (open streams, random generators)."""
+        """What modules of builtins must remember for each engine: open streams, random generators."""
 
     output: TextIO
 
@@ -46,18 +46,22 @@ class Machine(Protocol):
 
 
 Det: TypeAlias = Callable[..., bool]
-Nondet: TypeAlias = Callable[..., Iterator[None]]
+Nondet: TypeAlias = Callable[..., Iterator[bool | None]]
 _D = TypeVar("_D", bound=Det)
 _N = TypeVar("_N", bound=Nondet)
+# A control construct: a function of the machine, the arguments and the continuation that returns the next task.
+Control: TypeAlias = Callable[[Any, Any, Any], Any]
+_C = TypeVar("_C", bound=Control)
 Indicator: TypeAlias = tuple[str, int]
 
 # Filled while the modules of this package are imported and never changed after.
 DET: dict[Indicator, Det] = {}
 NONDET: dict[Indicator, Nondet] = {}
+CONTROL: dict[Indicator, Control] = {}
 
 
 def det(name: str, arity: int) -> Callable[[_D], _D]:
-    """Declare a deterministic builtin: ``f(machine, *args) -> bool``; the arguments come as given, not dereferenced.
+    """Declare a deterministic builtin: ``f(machine, *args) -> bool``; the arguments come not dereferenced.
 
     False is failure; the solver undoes what the function bound before it failed.
     """
@@ -70,13 +74,24 @@ def det(name: str, arity: int) -> Callable[[_D], _D]:
 
 
 def nondet(name: str, arity: int) -> Callable[[_N], _N]:
-    """Declare a nondeterministic builtin: a generator function that yields once for each solution after unifying.
+    """Declare a nondeterministic builtin: a generator that yields once for each solution after unifying.
 
-    The machine undoes the bindings before it resumes the generator, and closes it on a cut.
+    The machine undoes the bindings before it resumes the generator, and closes it on a cut. Yielding True says
+    that this solution is the last, which spares a choice point.
     """
 
     def register(function: _N) -> _N:
         NONDET[name, arity] = function
+        return function
+
+    return register
+
+
+def control(name: str, arity: int) -> Callable[[_C], _C]:
+    """Declare a control construct: ``f(machine, args, continuation)`` returns the task to go on with."""
+
+    def register(function: _C) -> _C:
+        CONTROL[name, arity] = function
         return function
 
     return register

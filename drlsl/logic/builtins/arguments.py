@@ -1,0 +1,88 @@
+"""What a builtin expects of an argument, with the error ISO asks for when it gets something else."""
+
+from __future__ import annotations
+
+from drlsl.logic.builtins.registry import Machine
+from drlsl.logic.errors import domain_error, instantiation_error, type_error
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.unify import Trail, undo, unify
+
+
+def atom(term: Term) -> Atom:
+    """The atom that an argument must be."""
+    term = deref(term)
+    if type(term) is Atom:
+        return term
+    raise instantiation_error() if type(term) is Var else type_error("atom", term)
+
+
+def integer(term: Term) -> int:
+    """The integer that an argument must be."""
+    term = deref(term)
+    if type(term) is int:
+        return term
+    raise instantiation_error() if type(term) is Var else type_error("integer", term)
+
+
+def not_negative(term: Term) -> int:
+    """The integer, zero or more, that an argument must be."""
+    value = integer(term)
+    if value < 0:
+        raise domain_error("not_less_than_zero", value)
+    return value
+
+
+def items(term: Term) -> list[Term]:
+    """The elements of the proper list that an argument must be."""
+    found, tail = prefix(term)
+    if tail is NIL:
+        return found
+    raise instantiation_error() if type(tail) is Var else type_error("list", deref(term))
+
+
+def prefix(term: Term) -> tuple[list[Term], Term]:
+    """The elements of a list as far as it goes, and what follows them: ``[]`` for a proper list."""
+    found: list[Term] = []
+    term = deref(term)
+    while type(term) is Struct and term.name == "." and len(term.args) == 2:
+        found.append(term.args[0])
+        term = deref(term.args[1])
+    return found, term
+
+
+def check_partial_list(term: Term) -> None:
+    """Make sure that an argument that is to be unified with a list could be one."""
+    tail = prefix(term)[1]
+    if tail is not NIL and type(tail) is not Var:
+        raise type_error("list", deref(term))
+
+
+def indicator(term: Term) -> tuple[str, int]:
+    """The name and arity that a predicate indicator must say."""
+    term = deref(term)
+    if type(term) is Var:
+        raise instantiation_error()
+    if type(term) is not Struct or term.name != "/" or len(term.args) != 2:
+        raise type_error("predicate_indicator", term)
+    name, arity = deref(term.args[0]), deref(term.args[1])
+    if type(name) is Var or type(arity) is Var:
+        raise instantiation_error()
+    if type(name) is not Atom:
+        raise type_error("atom", name)
+    return name.name, not_negative(arity)
+
+
+def indicators(term: Term) -> list[tuple[str, int]]:
+    """The name and arity of each predicate indicator in a conjunction or list of them."""
+    term = deref(term)
+    if type(term) is Struct and len(term.args) == 2 and term.name in (",", "."):
+        return indicators(term.args[0]) + indicators(term.args[1])
+    return [] if term is NIL else [indicator(term)]
+
+
+def attempt(machine: Machine, left: Term, right: Term) -> bool:
+    """Unify for good, or leave no binding behind: what a generator needs that goes on after a mismatch."""
+    trail: Trail = []
+    matches = unify(left, right, trail)
+    undo(trail, 0)
+    return matches and machine.unify(left, right)

@@ -1,0 +1,191 @@
+"""Control constructs that are called with their arguments as terms: call/N, catch/3, findall/3 and their like."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from drlsl.logic.body import CALL, CONTROL, DET, callable_parts
+from drlsl.logic.builtins.arguments import check_partial_list, integer
+from drlsl.logic.builtins.registry import Machine as Builtins
+from drlsl.logic.builtins.registry import control, det, nondet
+from drlsl.logic.dcg import translate_body
+from drlsl.logic.errors import PrologError, error_from_term, instantiation_error, type_error
+from drlsl.logic.solver import (
+    FAIL,
+    CatchPoint,
+    Machine,
+    Task,
+    enter,
+    exit_catch,
+    leave_catch,
+    start_generator,
+)
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import copy_term
+
+
+class Halt(Exception):
+    """The program asked to end, with this exit status. Source: ISO 13211-1, 8.17.3."""
+
+    def __init__(self, status: int) -> None:
+        super().__init__(status)
+        self.status = status
+
+
+def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Task) -> Task:
+    """The task that proves a goal with more arguments added, opaque to cuts."""
+    name, args = callable_parts(goal)
+    args = tuple([deref(arg) for arg in (*args, *extra)])
+    op, target = machine.engine.linker.resolve(name, len(args))
+    try:
+        if op == CALL:
+            return enter(machine, target, args, continuation)
+        if op == DET:
+            return continuation if target(machine, *args) else FAIL
+        if op == CONTROL:
+            task: Task = target(machine, args, continuation)
+            return task
+        return start_generator(machine, target(machine, *args), continuation)
+    except PrologError as error:
+        if error.goal is None:
+            error.goal = Struct(name, args) if args else Atom(name)
+        raise
+
+
+def _call(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    return invoke(machine, args[0], args[1:], continuation)
+
+
+for _arity in range(1, 9):
+    control("call", _arity)(_call)
+
+
+def _declare_connective(name: str, arity: int) -> None:
+    @control(name, arity)
+    def connective(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+        return machine.call(Struct(name, tuple(args)), continuation)
+
+
+for _name, _arity in ((",", 2), (";", 2), ("->", 2), ("*->", 2), ("\\+", 1), ("not", 1), ("once", 1), ("ignore", 1)):
+    _declare_connective(_name, _arity)
+
+
+@control("!", 0)
+@control("true", 0)
+def true(_machine: Machine, _args: Sequence[Term], continuation: Task) -> Task:
+    """A cut that is called by itself has nothing to cut."""
+    return continuation
+
+
+@control("fail", 0)
+@control("false", 0)
+def false(_machine: Machine, _args: Sequence[Term], _continuation: Task) -> Task:
+    return FAIL
+
+
+@control("forall", 2)
+def forall(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    return machine.call(Struct("\\+", (Struct(",", (args[0], Struct("\\+", (args[1],)))),)), continuation)
+
+
+@control("catch", 3)
+def catch(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    """Source: ISO 13211-1, 7.8.9."""
+    point = CatchPoint(args[1], args[2], continuation)
+    machine.choices.append((leave_catch, len(machine.trail), point))
+    return invoke(machine, args[0], (), (exit_catch, point, continuation))
+
+
+@det("throw", 1)
+def throw(_machine: Builtins, ball: Term) -> bool:
+    """Source: ISO 13211-1, 7.8.10."""
+    ball = copy_term(ball)
+    if type(ball) is Var:
+        raise instantiation_error()
+    raise error_from_term(ball)
+
+
+@control("findall", 3)
+def findall(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    """Source: ISO 13211-1, 8.10.1."""
+    check_partial_list(args[2])
+    return _collect_all(machine, args[0], args[1], args[2], None, continuation)
+
+
+@control("findall", 4)
+def findall_with_tail(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    check_partial_list(args[2])
+    return _collect_all(machine, args[0], args[1], args[2], args[3], continuation)
+
+
+def _collect_all(
+    machine: Machine, template: Term, goal: Term, result: Term, tail: Term | None, continuation: Task
+) -> Task:
+    found: list[Term] = []
+    machine.choices.append((_finish_findall, len(machine.trail), found, result, tail, continuation))
+    return invoke(machine, goal, (), (_collect, template, found, None))
+
+
+def _collect(_machine: Machine, task: Task) -> Task:
+    task[2].append(copy_term(task[1]))
+    return FAIL
+
+
+def _finish_findall(machine: Machine, choice: Task) -> Task:
+    _, _, found, result, tail, continuation = choice
+    answer = make_list(found) if tail is None else make_list(found, tail)
+    return continuation if machine.unify(result, answer) else FAIL
+
+
+@det("halt", 0)
+def halt(_machine: Builtins) -> bool:
+    raise Halt(0)
+
+
+@det("halt", 1)
+def halt_with_status(_machine: Builtins, status: Term) -> bool:
+    raise Halt(integer(status))
+
+
+@nondet("repeat", 0)
+def repeat(_machine: Builtins) -> Iterator[None]:
+    while True:
+        yield
+
+
+@nondet("between", 3)
+def between(machine: Builtins, low: Term, high: Term, value: Term) -> Iterator[bool | None]:
+    start = integer(low)
+    last = deref(high)
+    endless = type(last) is Atom and last.name in ("inf", "infinite")
+    stop: Any = None if endless else integer(high)
+    value = deref(value)
+    if type(value) is int:
+        if start <= value and (stop is None or value <= stop):
+            yield True
+        return
+    if type(value) is not Var:
+        raise type_error("integer", value)
+    while stop is None or start <= stop:
+        machine.unify(value, start)
+        yield start == stop
+        start += 1
+
+
+@control("phrase", 2)
+def phrase(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    return _phrase(machine, args[0], args[1], NIL, continuation)
+
+
+@control("phrase", 3)
+def phrase_with_rest(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    return _phrase(machine, args[0], args[1], args[2], continuation)
+
+
+def _phrase(machine: Machine, body: Term, text: Term, rest: Term, continuation: Task) -> Task:
+    """Source: ISO/IEC TS 13211-3, 8.1."""
+    callable_parts(body)
+    check_partial_list(text)
+    check_partial_list(rest)
+    return machine.call(translate_body(body, text, rest), continuation)

@@ -1,0 +1,311 @@
+"""The clause database, global variables and the flags.
+
+Source: ISO 13211-1, 8.8 and 8.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from drlsl.logic.body import callable_parts, check_body
+from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators
+from drlsl.logic.builtins.registry import CONTROL, DET, NONDET, Machine, det, nondet
+from drlsl.logic.errors import existence_error, permission_error, type_error
+from drlsl.logic.program import Clause, Predicate
+from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref
+from drlsl.logic.unify import copy_term, undo, unify
+
+
+def is_builtin(name: str, arity: int) -> bool:
+    """Whether the engine itself provides a predicate that no program may change."""
+    key = name, arity
+    return key in DET or key in NONDET or key in CONTROL
+
+
+def name_term(name: str, arity: int) -> Struct:
+    """The predicate indicator ``name/arity``."""
+    return Struct("/", (Atom(name), arity))
+
+
+def split_clause(term: Term) -> tuple[Term, Term]:
+    """The head and the body of a clause; a variable as a goal becomes ``call(Variable)``.
+
+    Raises:
+        InstantiationError, PrologTypeError: As assertz/1 does. Source: ISO 13211-1, 8.9.2.3.
+    """
+    term = deref(term)
+    head, body = term, TRUE
+    if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
+        head, body = deref(term.args[0]), deref(term.args[1])  # type: ignore[assignment]  # a body is any term
+    callable_parts(head)
+    check_body(body)
+    return head, _with_calls(body)
+
+
+def _with_calls(body: Term) -> Term:
+    """The body with its variables as goals wrapped in call/1."""
+    goals: list[Term] = []
+    rest = deref(body)
+    while type(rest) is Struct and rest.name == "," and len(rest.args) == 2:
+        goals.append(_with_calls_inside(rest.args[0]))
+        rest = deref(rest.args[1])
+    result = _with_calls_inside(rest)
+    for goal in reversed(goals):
+        result = Struct(",", (goal, result))
+    return result
+
+
+def _with_calls_inside(goal: Term) -> Term:
+    goal = deref(goal)
+    if type(goal) is Var:
+        return Struct("call", (goal,))
+    if type(goal) is Struct and len(goal.args) == 2 and goal.name in (",", ";", "->", "*->"):
+        return Struct(goal.name, (_with_calls(goal.args[0]), _with_calls(goal.args[1])))
+    return goal
+
+
+def _new_clause(term: Term) -> Clause:
+    head, body = split_clause(copy_term(term))
+    return Clause(head, body)
+
+
+def _to_modify(machine: Machine, name: str, arity: int) -> Predicate:
+    """The dynamic predicate of that name and arity, made when there was none."""
+    predicate = machine.program.get(name, arity)
+    if not predicate.dynamic:
+        if predicate.defined or is_builtin(name, arity):
+            raise permission_error("modify", "static_procedure", name_term(name, arity))
+        predicate.dynamic = predicate.defined = True
+    return predicate
+
+
+@det("assertz", 1)
+@det("assert", 1)
+def assertz(machine: Machine, term: Term) -> bool:
+    """Source: ISO 13211-1, 8.9.2."""
+    clause = _new_clause(term)
+    name, args = callable_parts(clause.head)
+    _to_modify(machine, name, len(args)).append(clause)
+    return True
+
+
+@det("asserta", 1)
+def asserta(machine: Machine, term: Term) -> bool:
+    """Source: ISO 13211-1, 8.9.1."""
+    clause = _new_clause(term)
+    name, args = callable_parts(clause.head)
+    _to_modify(machine, name, len(args)).prepend(clause)
+    return True
+
+
+def _matching(machine: Machine, predicate: Predicate, head: Term, body: Term) -> Iterator[tuple[Clause, bool]]:
+    """Unify with one clause after the other as they were at first; yields each that matches, and if it is the last."""
+    args = callable_parts(head)[1]
+    stored = predicate.stored_clauses()
+    candidates = predicate.candidates(deref(args[0])) if args else stored
+    end = len(candidates)
+    generation = machine.program.generation
+    pattern = Struct(":-", (head, body))
+    for index in range(predicate.start if candidates is stored else 0, end):
+        clause = candidates[index]
+        if clause.erased and clause.erased <= generation:
+            continue
+        fresh = copy_term(Struct(":-", (clause.head, clause.body)))
+        if attempt(machine, pattern, fresh):
+            yield clause, index == end - 1
+
+
+@nondet("clause", 2)
+def clause(machine: Machine, head: Term, body: Term) -> Iterator[bool | None]:
+    """Source: ISO 13211-1, 8.8.1."""
+    name, args = callable_parts(head)
+    body = deref(body)
+    if type(body) is not Var and type(body) is not Atom and type(body) is not Struct:
+        raise type_error("callable", body)
+    predicate = machine.program.find(name, len(args))
+    if predicate is None:
+        if is_builtin(name, len(args)):
+            raise permission_error("access", "private_procedure", name_term(name, len(args)))
+        return
+    for _, is_last in _matching(machine, predicate, deref(head), body):
+        yield is_last
+
+
+@nondet("retract", 1)
+def retract(machine: Machine, term: Term) -> Iterator[bool | None]:
+    """Source: ISO 13211-1, 8.9.3."""
+    term = deref(term)
+    head: Term = term
+    body: Term = TRUE
+    if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
+        head, body = deref(term.args[0]), deref(term.args[1])
+    name, args = callable_parts(head)
+    predicate = machine.program.find(name, len(args))
+    if predicate is None:
+        if is_builtin(name, len(args)):
+            raise permission_error("modify", "static_procedure", name_term(name, len(args)))
+        return
+    if not predicate.dynamic:
+        raise permission_error("modify", "static_procedure", name_term(name, len(args)))
+    for found, is_last in _matching(machine, predicate, head, body):
+        if predicate.erase(found):
+            yield is_last
+
+
+@det("retractall", 1)
+def retractall(machine: Machine, head: Term) -> bool:
+    """Source: ISO 13211-1 Cor.2, 8.9.5."""
+    head = deref(head)
+    name, args = callable_parts(head)
+    predicate = _to_modify(machine, name, len(args))
+    free = {id(arg) for arg in map(deref, args) if type(arg) is Var}
+    if len(free) == len(args):
+        if predicate.rows is not None:
+            predicate.replace_rows([])
+        else:
+            for found in predicate.clauses:
+                predicate.erase(found)
+        return True
+    first = deref(args[0])
+    predicate.stored_clauses()
+    for found in list(predicate.candidates(first)):
+        trail: list[Var] = []
+        if not found.erased and unify(head, copy_term(found.head), trail):
+            predicate.erase(found)
+        undo(trail, 0)
+    return True
+
+
+@det("abolish", 1)
+def abolish(machine: Machine, term: Term) -> bool:
+    """Source: ISO 13211-1, 8.9.4."""
+    name, arity = indicator(term)
+    predicate = machine.program.find(name, arity)
+    if is_builtin(name, arity) or (predicate is not None and not predicate.dynamic):
+        raise permission_error("modify", "static_procedure", name_term(name, arity))
+    if predicate is not None:
+        for found in predicate.clauses:
+            predicate.erase(found)
+        predicate.defined = predicate.dynamic = False
+    return True
+
+
+def declare(machine: Machine, specification: Term, *, what: str) -> bool:
+    """Give predicates a property; all of them, or none when one of them is a builtin."""
+    named = indicators(specification)
+    for name, arity in named:
+        if is_builtin(name, arity):
+            raise permission_error("modify", "static_procedure", name_term(name, arity))
+    for name, arity in named:
+        predicate = machine.program.get(name, arity)
+        if what == "dynamic" and predicate.defined and not predicate.dynamic and predicate.clauses:
+            raise permission_error("modify", "static_procedure", name_term(name, arity))
+        if what == "dynamic":
+            predicate.dynamic = predicate.defined = True
+        elif what == "discontiguous":
+            predicate.discontiguous = True
+        else:
+            predicate.multifile = predicate.defined = True
+    return True
+
+
+det("dynamic", 1)(partial(declare, what="dynamic"))
+det("discontiguous", 1)(partial(declare, what="discontiguous"))
+det("multifile", 1)(partial(declare, what="multifile"))
+
+
+@nondet("current_predicate", 1)
+def current_predicate(machine: Machine, term: Term) -> Iterator[bool | None]:
+    """Source: ISO 13211-1, 8.8.2."""
+    term = deref(term)
+    name: Term = Var()
+    arity: Term = Var()
+    if type(term) is Struct and term.name == "/" and len(term.args) == 2:
+        name, arity = deref(term.args[0]), deref(term.args[1])
+    elif type(term) is not Var:
+        raise type_error("predicate_indicator", term)
+    if not (type(name) in (Var, Atom) and type(arity) in (Var, int)):
+        raise type_error("predicate_indicator", term)
+    if type(name) is Atom and type(arity) is int:
+        predicate = machine.program.find(name.name, arity)
+        if predicate is not None and (predicate.dynamic or len(predicate)):
+            yield True
+        return
+    for key, predicate in list(machine.program.predicates.items()):
+        if not predicate.defined or not (predicate.dynamic or len(predicate)):
+            continue
+        if (type(name) is Atom and name.name != key[0]) or (type(arity) is int and arity != key[1]):
+            continue
+        if attempt(machine, term, name_term(*key)):
+            yield None
+
+
+@nondet("predicate_property", 2)
+def predicate_property(machine: Machine, head: Term, wanted: Term) -> Iterator[bool | None]:
+    """What is known of the predicate of a head: dynamic, defined, built_in, number_of_clauses(N)."""
+    head = deref(head)
+    if type(head) is Var:
+        for key, predicate in list(machine.program.predicates.items()):
+            if predicate.defined:
+                machine.unify(head, Struct(key[0], tuple([Var() for _ in range(key[1])])) if key[1] else Atom(key[0]))
+                for found in _properties(predicate):
+                    if attempt(machine, wanted, found):
+                        yield None
+        return
+    name, args = callable_parts(head)
+    known = machine.program.find(name, len(args))
+    properties: list[Term] = []
+    if known is not None:
+        properties = _properties(known)
+    elif is_builtin(name, len(args)):
+        properties = [Atom("defined"), Atom("built_in"), Atom("static"), Atom("visible")]
+    for found in properties:
+        if attempt(machine, wanted, found):
+            yield None
+
+
+def _properties(predicate: Predicate) -> list[Term]:
+    found: list[Term] = [Atom("defined"), Atom("visible"), Atom("dynamic" if predicate.dynamic else "static")]
+    if predicate.discontiguous:
+        found.append(Atom("discontiguous"))
+    if predicate.multifile:
+        found.append(Atom("multifile"))
+    found.append(Struct("number_of_clauses", (len(predicate),)))
+    return found
+
+
+# ---------------------------------------------------------------------- global variables
+
+
+@det("nb_setval", 2)
+def nb_setval(machine: Machine, key: Term, value: Term) -> bool:
+    machine.globals[atom(key).name] = copy_term(value)
+    return True
+
+
+@det("b_setval", 2)
+def b_setval(machine: Machine, key: Term, value: Term) -> bool:
+    name = atom(key).name
+    known = machine.globals
+    before = known.get(name)
+
+    def take_back() -> None:
+        if before is None:
+            known.pop(name, None)
+        else:
+            known[name] = before
+
+    machine.trail_call(take_back)
+    known[name] = deref(value)
+    return True
+
+
+@det("nb_getval", 2)
+@det("b_getval", 2)
+def getval(machine: Machine, key: Term, value: Term) -> bool:
+    name = atom(key)
+    found = machine.globals.get(name.name)
+    if found is None:
+        raise existence_error("variable", name)
+    return machine.unify(value, found)

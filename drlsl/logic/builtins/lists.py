@@ -1,0 +1,107 @@
+"""What the list library does faster in Python than in Prolog."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, prefix
+from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.errors import domain_error, instantiation_error, type_error
+from drlsl.logic.terms import NIL, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import compare, copy_term, term_variables, variant
+
+
+@nondet("length", 2)
+def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
+    """The length of a list; enumerates lists where both are unknown."""
+    found, tail = prefix(term)
+    size = deref(size)
+    if type(size) is not int and type(size) is not Var:
+        raise type_error("integer", size)
+    if tail is NIL:
+        if machine.unify(size, len(found)):
+            yield True
+        return
+    if type(tail) is not Var:
+        raise type_error("list", deref(term))
+    if type(size) is int:
+        if size < 0:
+            raise domain_error("not_less_than_zero", size)
+        if size >= len(found):
+            machine.unify(tail, make_list([Var() for _ in range(size - len(found))]))
+            yield True
+        return
+    if size is tail:
+        raise type_error("list", deref(term))
+    total = len(found)
+    while True:
+        machine.unify(tail, make_list([Var() for _ in range(total - len(found))]))
+        machine.unify(size, total)
+        yield None
+        total += 1
+
+
+@det("numlist", 3)
+def numlist(machine: Machine, low: Term, high: Term, result: Term) -> bool:
+    first, last = integer(low), integer(high)
+    return first <= last and machine.unify(result, make_list(range(first, last + 1)))
+
+
+@det("list_to_set", 2)
+def list_to_set(machine: Machine, terms: Term, result: Term) -> bool:
+    """The elements without later ones that are identical to an earlier one."""
+    kept: list[Term] = []
+    seen: dict[object, list[Term]] = {}
+    for term in map(deref, items(terms)):
+        key: object = (term.name, len(term.args)) if type(term) is Struct else term
+        alike = seen.setdefault((type(term), key), [])
+        if all(compare(term, other) != 0 for other in alike):
+            alike.append(term)
+            kept.append(term)
+    return machine.unify(result, make_list(kept))
+
+
+@det("$free_variables", 3)
+def free_variables(machine: Machine, scoped: Term, witness: Term, goal: Term) -> bool:
+    """From ``Template^Goal``: the free variables as a term, and the goal without ``^``.
+
+    Source: ISO 13211-1, 7.1.1.4 (free variables set) and 7.1.6.3 (iterated goal).
+    """
+    scope = deref(scoped)
+    bound: list[Term] = []
+    while type(scope) is Struct and scope.name == "^" and len(scope.args) == 2:
+        bound.append(scope.args[0])
+        scope = deref(scope.args[1])
+    if type(scope) is Var:
+        raise instantiation_error()
+    hidden = set(term_variables(make_list(bound)))
+    free: list[Term] = [variable for variable in term_variables(scope) if variable not in hidden]
+    return machine.unify(witness, Struct("v", tuple(free)) if free else NIL) and machine.unify(goal, scope)
+
+
+@nondet("$solution_groups", 3)
+def solution_groups(machine: Machine, answers: Term, witness: Term, found: Term) -> Iterator[bool | None]:
+    """The groups of ``Witness-Template`` pairs whose witnesses are variants of each other, in order.
+
+    Source: ISO 13211-1, 8.10.2.
+    """
+    left = [pair for pair in map(deref, items(answers)) if type(pair) is Struct]
+    while left:
+        key = left[0].args[0]
+        group = [pair for pair in left if variant(pair.args[0], key)]
+        left = [pair for pair in left if not variant(pair.args[0], key)]
+        # Members of a group share their witness, so that its variables are the same in each template.
+        shared = copy_term(key)
+        variables = term_variables(shared)
+        templates = [
+            copy_term(pair.args[1], dict(zip(term_variables(pair.args[0]), variables, strict=True)))
+            for pair in group
+        ]
+        if attempt(machine, Struct("-", (witness, found)), Struct("-", (shared, make_list(templates)))):
+            yield not left
+
+
+@det("$check_partial_list", 1)
+def check_result(_machine: Machine, term: Term) -> bool:
+    check_partial_list(term)
+    return True

@@ -1,0 +1,138 @@
+"""Type tests, and what takes terms apart and puts them together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, not_negative, prefix
+from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import copy_term, is_ground, subsumes, term_variables
+
+# The most arguments that functor/3 gives a term; beyond it there is only memory to lose.
+_MOST_ARGUMENTS = 1 << 24
+
+
+def _declare_test(name: str, *kinds: type) -> None:
+    accepted = frozenset(kinds)
+
+    @det(name, 1)
+    def test(_machine: Machine, term: Term) -> bool:
+        return type(deref(term)) in accepted
+
+
+_declare_test("var", Var)
+_declare_test("nonvar", Atom, Struct, int, float, str)
+_declare_test("atom", Atom)
+_declare_test("number", int, float)
+_declare_test("integer", int)
+_declare_test("float", float)
+_declare_test("rational", int)
+_declare_test("atomic", Atom, int, float, str)
+_declare_test("compound", Struct)
+_declare_test("callable", Atom, Struct)
+_declare_test("string", str)
+
+
+@det("is_list", 1)
+def is_list(_machine: Machine, term: Term) -> bool:
+    return prefix(term)[1] is NIL
+
+
+@det("ground", 1)
+def ground(_machine: Machine, term: Term) -> bool:
+    return is_ground(term)
+
+
+@det("functor", 3)
+def functor(machine: Machine, term: Term, name: Term, arity: Term) -> bool:
+    """Source: ISO 13211-1, 8.5.1."""
+    term = deref(term)
+    if type(term) is Struct:
+        return machine.unify(name, Atom(term.name)) and machine.unify(arity, len(term.args))
+    if type(term) is not Var:
+        return machine.unify(name, term) and machine.unify(arity, 0)
+    name, arity = deref(name), deref(arity)
+    if type(name) is Var or type(arity) is Var:
+        raise instantiation_error()
+    if type(arity) is not int:
+        raise type_error("integer", arity)
+    if arity < 0:
+        raise domain_error("not_less_than_zero", arity)
+    if arity > _MOST_ARGUMENTS:
+        raise representation_error("max_arity")
+    if arity == 0:
+        if type(name) is Struct:
+            raise type_error("atomic", name)
+        return machine.unify(term, name)
+    if type(name) is Struct:
+        raise type_error("atomic", name)
+    if type(name) is not Atom:
+        raise type_error("callable", name)
+    return machine.unify(term, Struct(name.name, tuple([Var() for _ in range(arity)])))
+
+
+@nondet("arg", 3)
+def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[bool | None]:
+    """Source: ISO 13211-1, 8.5.2; enumerates the arguments where the position is a variable."""
+    position, term = deref(position), deref(term)
+    if type(term) is not Struct:
+        raise instantiation_error() if type(term) is Var else type_error("compound", term)
+    args = term.args
+    if type(position) is Var:
+        for index, found in enumerate(args, 1):
+            if attempt(machine, found, value):
+                machine.unify(position, index)
+                yield index == len(args)
+        return
+    if 1 <= not_negative(position) <= len(args) and machine.unify(args[integer(position) - 1], value):
+        yield True
+
+
+@det("=..", 2)
+def univ(machine: Machine, term: Term, parts: Term) -> bool:
+    """Source: ISO 13211-1, 8.5.3."""
+    term = deref(term)
+    if type(term) is Struct:
+        return machine.unify(parts, make_list((Atom(term.name), *term.args)))
+    if type(term) is not Var:
+        check_partial_list(parts)
+        return machine.unify(parts, make_list([term]))
+    elements = items(parts)
+    if not elements:
+        raise domain_error("non_empty_list", NIL)
+    name = deref(elements[0])
+    if type(name) is Var:
+        raise instantiation_error()
+    if len(elements) == 1:
+        if type(name) is Struct:
+            raise type_error("atomic", name)
+        return machine.unify(term, name)
+    if type(name) is not Atom:
+        raise type_error("atomic" if type(name) is Struct else "callable", name)
+    return machine.unify(term, Struct(name.name, tuple(elements[1:])))
+
+
+@det("copy_term", 2)
+def copy(machine: Machine, term: Term, twin: Term) -> bool:
+    """Source: ISO 13211-1, 8.5.4."""
+    return machine.unify(twin, copy_term(term))
+
+
+@det("term_variables", 2)
+def variables(machine: Machine, term: Term, found: Term) -> bool:
+    """Source: ISO 13211-1, 8.5.5."""
+    check_partial_list(found)
+    return machine.unify(found, make_list(term_variables(term)))
+
+
+@det("term_variables", 3)
+def variables_with_tail(machine: Machine, term: Term, found: Term, tail: Term) -> bool:
+    return machine.unify(found, make_list(term_variables(term), tail))
+
+
+@det("subsumes_term", 2)
+def subsumes_term(_machine: Machine, general: Term, specific: Term) -> bool:
+    """Source: ISO 13211-1, 8.2.4."""
+    return subsumes(general, specific)

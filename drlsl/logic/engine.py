@@ -1,0 +1,236 @@
+"""The public face of the logic engine: load a program, ask it, change its facts."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, TypeAlias
+
+from drlsl.logic import builtins
+from drlsl.logic.body import callable_parts
+from drlsl.logic.builtins import registry
+from drlsl.logic.builtins.database import name_term
+from drlsl.logic.consult import Loader, LoadWarning
+from drlsl.logic.errors import ExistenceError, PrologError, existence_error
+from drlsl.logic.flags import Flags
+from drlsl.logic.linking import Linker, library
+from drlsl.logic.operators import Operators
+from drlsl.logic.program import Clause, Predicate, Program
+from drlsl.logic.reader import read_term
+from drlsl.logic.solver import FAIL, FOUND, Limits, Machine, Task, enter
+from drlsl.logic.terms import Atom, Struct, Term, Var
+from drlsl.logic.unify import term_variables
+from drlsl.logic.values import Solution, to_row, to_value
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["Engine", "Query"]
+
+Goal: TypeAlias = "str | Atom | Struct"
+_UNLIMITED = Limits()
+
+
+class UnknownProcedure(ExistenceError):
+    """A call of a predicate that nobody defined."""
+
+    def __init__(self, name: str, arity: int, program: Program) -> None:
+        super().__init__(existence_error("procedure", name_term(name, arity)).term)
+        self._name = name
+        self._arity = arity
+        self._program = program
+
+    def message(self) -> str:
+        """What went wrong, and what may have been meant."""
+        known = {key for key, predicate in self._program.predicates.items() if predicate.defined}
+        known |= {*registry.DET, *registry.NONDET, *registry.CONTROL, *library().exports}
+        arities = sorted(arity for name, arity in known if name == self._name)
+        names = get_close_matches(self._name, {name for name, _ in known if not name.startswith("$")}, 1)
+        hint = ""
+        if arities:
+            hint = f"; there is {', '.join(f'{self._name}/{arity}' for arity in arities)}"
+        elif names:
+            meant = sorted(arity for name, arity in known if name == names[0])
+            hint = f"; did you mean {names[0]}/{self._arity if self._arity in meant else meant[0]}?"
+        return super().message() + hint
+
+
+class Engine:
+    """A Prolog engine of its own: clauses, operators, flags and global variables are shared with no other.
+
+    Args:
+        flags: Prolog flags by name, such as ``{"iso": "false", "unknown": "fail"}``.
+        output: where the program writes; standard output if None.
+    """
+
+    def __init__(
+        self, *, flags: Mapping[str, str | int] | None = None, output: TextIO | None = None
+    ) -> None:
+        self.linker = Linker()
+        self.program = self.linker.program
+        self.operators = Operators()
+        self.flags = Flags()
+        for name, value in (flags or {}).items():
+            self.flags.set(Atom(name), Atom(value) if isinstance(value, str) else value)
+        self.globals: dict[str, Term] = {}
+        self.state: dict[str, Any] = {}
+        self.output: TextIO = sys.stdout if output is None else output
+        self.warnings: list[LoadWarning] = []
+        self.loaded: set[Path] = set()
+
+    # ------------------------------------------------------------------ loading
+
+    def consult(self, path: str | Path) -> None:
+        """Load a file; loading it again replaces what it said before.
+
+        Raises:
+            PrologError: The file has errors, all of which the exception names; the program is as it was.
+            OSError: The file cannot be read.
+        """
+        path = Path(path)
+        self._load(path.read_text(encoding="utf-8"), str(path), path.parent, path.resolve())
+
+    def consult_text(self, text: str, name: str = "text") -> None:
+        """Load a program from a string; `name` stands for a file's name in messages.
+
+        Raises:
+            PrologError: The text has errors, all of which the exception names; the program is as it was.
+        """
+        self._load(text, name, None, None)
+
+    def _load(self, text: str, name: str, folder: Path | None, path: Path | None) -> None:
+        before = self.program.snapshot()
+        operators, flags, warned = self.operators.copy(), self.flags.copy(), len(self.warnings)
+        if path is not None:
+            self.program.remove_source(name)
+            self.loaded.add(path)
+        try:
+            Loader(self, name).load(text, folder)
+        except (PrologError, OSError):
+            self.program.restore(before)
+            self.linker.relink()
+            self.operators, self.flags = operators, flags
+            del self.warnings[warned:]
+            if path is not None:
+                self.loaded.discard(path)
+            raise
+
+    def run_directive(self, goal: Term) -> bool:
+        """Prove a goal once, keeping no bindings; True if that succeeds."""
+        machine = Machine(self, _UNLIMITED)
+        try:
+            return machine.solve(machine.call(goal, FOUND))
+        finally:
+            machine.close()
+
+    def replace_facts(self, name: str, arity: int, rows: Iterable[Sequence[str | float]]) -> None:
+        """Take these rows as the facts of a predicate, in place of all its clauses; it becomes dynamic.
+
+        A row holds `arity` values: `str` for atoms, `int`, `float`. This costs microseconds per row.
+
+        Raises:
+            TypeError: A value is of another type (a bool, None …).
+            ValueError: A row has another length.
+        """
+        self.program.replace_facts(name, arity, [to_row(row, name, arity) for row in rows])
+
+    # ------------------------------------------------------------------ asking
+
+    def prepare(self, goal: Goal) -> Query:
+        """A goal read once, to be asked many times.
+
+        Raises:
+            PrologSyntaxError: The text is no goal.
+        """
+        if isinstance(goal, str):
+            read = read_term(goal, self.operators, self.flags, "query")
+            return Query(self, read.term, read.variables)
+        return Query(self, goal, {variable.name: variable for variable in term_variables(goal)})
+
+    def query(self, goal: Goal, *, limits: Limits | None = None) -> Iterator[Solution]:
+        """The solutions of a goal, one by one, each sought when it is asked for; the iterator may be dropped early.
+
+        Raises:
+            PrologError: What the goal raised.
+            LimitExceeded: It went beyond the limits.
+        """
+        return self.prepare(goal).solutions(limits)
+
+    def once(self, goal: Goal, *, limits: Limits | None = None) -> Solution | None:
+        """The first solution of a goal, or None."""
+        return self.prepare(goal).once(limits)
+
+    def holds(self, goal: Goal, *, limits: Limits | None = None) -> bool:
+        """Whether a goal has a solution."""
+        return self.prepare(goal).holds(limits)
+
+    def undefined(self, machine: Machine, predicate: Predicate, _args: Any, _continuation: Task) -> Task:
+        """What a call of an unknown predicate does, by the flag `unknown`."""
+        name, arity = predicate.name, predicate.arity
+        if machine.flags.unknown == "error":
+            raise UnknownProcedure(name, arity, self.program)
+        if machine.flags.unknown == "warning":
+            self.warnings.append(LoadWarning(f"unknown procedure {name}/{arity}", "query"))
+        return FAIL
+
+
+class Query:
+    """A goal of one engine, made ready to be asked."""
+
+    __slots__ = ("_clause", "_engine", "_names", "_predicate", "_variables")
+
+    def __init__(self, engine: Engine, goal: Term, variables: Mapping[str, Var]) -> None:
+        callable_parts(goal)
+        shown = {name: variable for name, variable in variables.items() if not name.startswith("_")}
+        self._engine = engine
+        self._names = tuple(shown)
+        self._variables = tuple(shown.values())
+        head: Term = Struct("$query", self._variables) if shown else Atom("$query")
+        self._predicate = Predicate(engine.program, "$query", len(shown))
+        self._predicate.append(Clause(head, goal))
+
+    def solutions(self, limits: Limits | None = None) -> Iterator[Solution]:
+        """The solutions, one by one."""
+        machine, args = self._start(limits)
+        names = dict(zip(args, self._names, strict=True))
+        try:
+            found = machine.solve(self._task(machine, args))
+            while found:
+                yield self._solution(args, names)
+                found = machine.retry()
+        finally:
+            machine.close()
+
+    def once(self, limits: Limits | None = None) -> Solution | None:
+        """The first solution, or None."""
+        machine, args = self._start(limits)
+        try:
+            if machine.solve(self._task(machine, args)):
+                return self._solution(args, dict(zip(args, self._names, strict=True)))
+            return None
+        finally:
+            machine.close()
+
+    def holds(self, limits: Limits | None = None) -> bool:
+        """Whether there is a solution."""
+        machine, args = self._start(limits)
+        try:
+            return machine.solve(self._task(machine, args))
+        finally:
+            machine.close()
+
+    def _start(self, limits: Limits | None) -> tuple[Machine, list[Var]]:
+        return Machine(self._engine, limits or _UNLIMITED), [Var(name) for name in self._names]
+
+    def _task(self, machine: Machine, args: list[Var]) -> Task:
+        return enter(machine, self._predicate, args, FOUND)
+
+    def _solution(self, args: list[Var], names: Mapping[Var, str]) -> Solution:
+        return Solution(
+            {name: to_value(variable, names) for name, variable in zip(self._names, args, strict=True)}
+        )
+
+
+assert builtins.__all__  # importing the package is what fills the registry

@@ -1,0 +1,70 @@
+:- module(solutions, [bagof/3, setof/3, '^'/2, aggregate_all/3, aggregate_all/4]).
+
+bagof(T, G, L) :-
+    '$check_partial_list'(L),
+    '$free_variables'(T^G, Witness, Goal),
+    bagof_(Witness, T, Goal, L).
+
+bagof_([], T, G, L) :- !, findall(T, G, L0), L0 \== [], L = L0.
+bagof_(Witness, T, G, L) :-
+    findall(Witness-T, G, Answers), Answers \== [],
+    keysort(Answers, Sorted),
+    '$solution_groups'(Sorted, Witness, L).
+
+setof(T, G, S) :-
+    '$check_partial_list'(S),
+    '$free_variables'(T^G, Witness, Goal),
+    setof_(Witness, T, Goal, S).
+
+setof_([], T, G, S) :- !, findall(T, G, L), L \== [], sort(L, S).
+setof_(Witness, T, G, S) :-
+    findall(Witness-T, G, Answers), Answers \== [],
+    keysort(Answers, Sorted),
+    '$solution_groups'(Sorted, Witness, L),
+    sort(L, S).
+
+_ ^ G :- call(G).
+
+aggregate_all(Spec, _, _) :- var(Spec), !, throw(error(instantiation_error, _)).
+aggregate_all(count, G, C) :- !, findall(x, G, L), length(L, C).
+aggregate_all(count(T), G, C) :- !, findall(T, G, L), length(L, C).
+aggregate_all(sum(E), G, S) :- !, findall(E, G, L), sum_values(L, 0, S).
+aggregate_all(bag(T), G, L) :- !, findall(T, G, L).
+aggregate_all(set(T), G, S) :- !, findall(T, G, L), sort(L, S).
+aggregate_all(max(X), G, M) :- !, findall(X, G, [V|Vs]), N is V, max_value(Vs, N, M).
+aggregate_all(min(X), G, M) :- !, findall(X, G, [V|Vs]), N is V, min_value(Vs, N, M).
+aggregate_all(max(X, W), G, max(M, MW)) :- !,
+    findall(X-W, G, [V-VW|Vs]), N is V, max_witness(Vs, N, VW, M, MW).
+aggregate_all(min(X, W), G, min(M, MW)) :- !,
+    findall(X-W, G, [V-VW|Vs]), N is V, min_witness(Vs, N, VW, M, MW).
+aggregate_all(Spec, _, _) :- throw(error(domain_error(aggregate_spec, Spec), _)).
+
+aggregate_all(count, D, G, C) :- !, findall(D, G, L0), sort(L0, L), length(L, C).
+aggregate_all(sum(E), D, G, S) :- !, findall(D-E, G, L0), sort(L0, L), strip_keys(L, Es), sum_values(Es, 0, S).
+aggregate_all(max(E), D, G, M) :- !, findall(D-E, G, L0), sort(L0, L), strip_keys(L, [V|Vs]), N is V, max_value(Vs, N, M).
+aggregate_all(min(E), D, G, M) :- !, findall(D-E, G, L0), sort(L0, L), strip_keys(L, [V|Vs]), N is V, min_value(Vs, N, M).
+aggregate_all(bag(E), D, G, Es) :- !, findall(D-E, G, L0), sort(L0, L), strip_keys(L, Es).
+aggregate_all(set(E), D, G, S) :- !, findall(D-E, G, L0), strip_keys(L0, Es), sort(Es, S).
+aggregate_all(Spec, _, _, _) :- throw(error(domain_error(aggregate_spec, Spec), _)).
+
+strip_keys([], []).
+strip_keys([_-E|Ps], [E|Es]) :- strip_keys(Ps, Es).
+
+sum_values([], S, S).
+sum_values([X|Xs], S0, S) :- S1 is S0 + X, sum_values(Xs, S1, S).
+
+max_value([], M, M).
+max_value([X|Xs], M0, M) :- M1 is max(M0, X), max_value(Xs, M1, M).
+
+min_value([], M, M).
+min_value([X|Xs], M0, M) :- M1 is min(M0, X), min_value(Xs, M1, M).
+
+max_witness([], M, W, M, W).
+max_witness([X-V|Xs], M0, W0, M, W) :-
+    N is X,
+    ( N > M0 -> max_witness(Xs, N, V, M, W) ; max_witness(Xs, M0, W0, M, W) ).
+
+min_witness([], M, W, M, W).
+min_witness([X-V|Xs], M0, W0, M, W) :-
+    N is X,
+    ( N < M0 -> min_witness(Xs, N, V, M, W) ; min_witness(Xs, M0, W0, M, W) ).

@@ -1,0 +1,132 @@
+"""What the name and arity of a goal stand for: the program's own predicate, a builtin, or one of the library."""
+
+from __future__ import annotations
+
+import re
+import threading
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from drlsl.logic.body import CALL, CONTROL, DET, NONDET, Node
+from drlsl.logic.builtins import registry
+from drlsl.logic.dcg import translate_rule
+from drlsl.logic.flags import Flags
+from drlsl.logic.operators import Operators
+from drlsl.logic.program import Clause, Indicator, Predicate, Program
+from drlsl.logic.reader import read_terms
+from drlsl.logic.terms import TRUE, Struct
+
+_LIBRARY: Final = Path(__file__).parent / "library"
+_HEADER: Final = re.compile(r":- module\((\w+), \[([^]]*)\]\)\.")
+_EXPORT: Final = re.compile(r"'?([^\s,'/]+)'?/(\d+)")
+
+# Libraries of SWI-Prolog whose predicates are builtins here, so that use_module/1 of them is no error.
+_BUILT_IN: Final = frozenset({"aggregate", "backcomp", "between", "error", "random", "terms", "system"})
+
+
+def builtin(name: str, arity: int) -> tuple[int, Any] | None:
+    """The kind of node and the function of a builtin; None where there is none of that name and arity."""
+    key = name, arity
+    for op, table in ((DET, registry.DET), (CONTROL, registry.CONTROL), (NONDET, registry.NONDET)):
+        function = table.get(key)
+        if function is not None:
+            return op, function
+    return None
+
+
+class Library:
+    """The predicates written in Prolog: read when they are first needed, once for the whole process, then fixed."""
+
+    def __init__(self) -> None:
+        self.exports: dict[Indicator, Path] = {}
+        self.modules: set[str] = set()
+        self.program = Program(self._link)
+        self._loaded: set[Path] = set()
+        self._lock = threading.RLock()
+        for path in sorted(_LIBRARY.glob("*.pl")):
+            header = _HEADER.match(path.read_text(encoding="utf-8"))
+            assert header is not None, path
+            self.modules.add(header[1])
+            for name, arity in _EXPORT.findall(header[2]):
+                self.exports[name, int(arity)] = path
+
+    def find(self, name: str, arity: int) -> Predicate | None:
+        """The predicate that the library exports under that name and arity."""
+        path = self.exports.get((name, arity))
+        if path is None:
+            return None
+        if path not in self._loaded:
+            self._load(path)
+        return self.program.predicates[name, arity]
+
+    def provides(self, module: str) -> bool:
+        """Whether use_module/1 of a library has nothing to do but find it there."""
+        return module in self.modules or module in _BUILT_IN
+
+    def _load(self, path: Path) -> None:
+        with self._lock:
+            if path in self._loaded:
+                return
+            terms = read_terms(path.read_text(encoding="utf-8"), Operators(), Flags(), f"library({path.stem})")
+            for read in terms:
+                term = read.term
+                if type(term) is Struct and term.name == "-->":
+                    term = translate_rule(term)
+                if type(term) is Struct and term.name == ":-":
+                    if len(term.args) == 1:
+                        continue
+                    head, body = term.args
+                else:
+                    head, body = term, TRUE
+                clause = Clause(head, body, read.span, read.variables)
+                self.program.get(head.name, len(clause.args)).append(clause)  # type: ignore[union-attr]  # a head
+            self._loaded.add(path)
+
+    def _link(self, node: Node, name: str, arity: int) -> None:
+        predicate = self.find(name, arity) or self.program.find(name, arity)
+        found = None if predicate is not None else builtin(name, arity)
+        set_target(node, found or (CALL, predicate or self.program.get(name, arity)))
+
+
+def set_target(node: Node, found: tuple[int, Any]) -> None:
+    """Have a node call what its name and arity were found to stand for."""
+    node.op, target = found
+    if node.op == CALL:
+        node.target = target
+    else:
+        node.function = target
+
+
+@cache
+def library() -> Library:
+    """The library that every engine of the process shares."""
+    return Library()
+
+
+class Linker:
+    """Finds what goals stand for in one program."""
+
+    def __init__(self) -> None:
+        self.program = Program(self.link)
+
+    def resolve(self, name: str, arity: int) -> tuple[int, Any]:
+        """The kind of node and the target of a goal: the program's own predicates hide all others."""
+        predicate = self.program.predicates.get((name, arity))
+        if predicate is not None and predicate.defined:
+            return CALL, predicate
+        found = builtin(name, arity)
+        if found is not None:
+            return found
+        return CALL, library().find(name, arity) or self.program.get(name, arity)
+
+    def link(self, node: Node, name: str, arity: int) -> None:
+        set_target(node, self.resolve(name, arity))
+
+    def relink(self) -> None:
+        """Have every clause linked anew, after a definition has begun to hide a builtin."""
+        for predicate in self.program.predicates.values():
+            if predicate.rows is None:
+                for clause in predicate.clauses:
+                    clause.code = None
+            predicate.compiled = None

@@ -1,0 +1,344 @@
+"""The clause store: predicates, their clauses in order, and the index on the first argument.
+
+Lists of clauses only grow at the end or are replaced, so an iteration that remembers a list, its length and the
+program's generation sees the predicate as it was when the iteration began: the logical update view (ISO 13211-1,
+7.5.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
+
+from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref
+
+Indicator: TypeAlias = tuple[str, int]
+Row: TypeAlias = tuple[Term, ...]
+
+
+class Clause:
+    """A clause ``head :- body``; a fact's body is ``true``.
+
+    `span` says where the clause was read and is None for one that was asserted; `names` maps the source's names of
+    variables to the variables of `head` and `body`; `origin` is the `ReadTerm` that it came from, and `source` the
+    name of the text.
+    """
+
+    __slots__ = ("body", "code", "erased", "head", "names", "origin", "predicate", "source", "span")
+
+    def __init__(
+        self,
+        head: Term,
+        body: Term,
+        span: Any = None,
+        names: dict[str, Var] | None = None,
+        source: str | None = None,
+        origin: Any = None,
+    ) -> None:
+        self.head = head
+        self.body = body
+        self.span = span
+        self.names = names or {}
+        self.source = source
+        self.origin = origin
+        self.erased = 0  # the generation of its removal; 0 while it is there
+        self.code: Any = None  # what the solver made of the clause when it was first tried
+        self.predicate: Any = None  # the one that it belongs to
+
+    @property
+    def args(self) -> tuple[Term, ...]:
+        """The arguments of the head."""
+        return self.head.args if type(self.head) is Struct else ()
+
+    def __repr__(self) -> str:
+        return f"Clause({self.head!r}, {self.body!r}, span={self.span!r})"
+
+
+def index_key(term: Term) -> Any:
+    """The key of a dereferenced term that is no variable: terms of unlike keys never unify."""
+    kind = type(term)
+    if kind is Struct:
+        return term.name, len(term.args)  # type: ignore[union-attr]  # kind says so
+    if kind is float or kind is str:
+        return kind, term
+    return term
+
+
+class Predicate:
+    """The clauses of one name and arity.
+
+    A predicate holds either clauses or, after `Program.replace_facts`, rows of atomic arguments; rows turn into
+    clauses when something asks for clauses.
+    """
+
+    __slots__ = (
+        "_clauses",
+        "_dead",
+        "_index",
+        "_others",
+        "_row_index",
+        "_rows",
+        "arity",
+        "compiled",
+        "defined",
+        "discontiguous",
+        "dynamic",
+        "multifile",
+        "name",
+        "program",
+        "start",
+    )
+
+    def __init__(self, program: Program, name: str, arity: int) -> None:
+        self.program = program
+        self.name = name
+        self.arity = arity
+        self.dynamic = False
+        self.discontiguous = False
+        self.multifile = False
+        self.defined = False  # known to the program: it has or had clauses, or was declared
+        self.compiled: Any = None  # the compiled solver's entry point
+        self._clauses: list[Clause] = []
+        self._rows: list[Row] | None = None
+        self._row_index: dict[Any, list[Row]] | None = None
+        self._index: dict[Any, list[Clause]] | None = None
+        self._others: list[Clause] = []
+        self._dead = 0
+        self.start = 0  # every clause before this place of `_clauses` is erased
+
+    def __repr__(self) -> str:
+        return f"Predicate({self.name}/{self.arity}, {len(self)} clauses)"
+
+    def __len__(self) -> int:
+        return len(self._clauses) - self._dead if self._rows is None else len(self._rows)
+
+    @property
+    def indicator(self) -> Indicator:
+        return self.name, self.arity
+
+    @property
+    def rows(self) -> list[Row] | None:
+        """The facts as rows while the predicate was filled in bulk, else None."""
+        return self._rows
+
+    @property
+    def clauses(self) -> Sequence[Clause]:
+        """The clauses in order, without those removed."""
+        stored = self.stored_clauses()
+        return stored if not self._dead else [clause for clause in stored if not clause.erased]
+
+    def stored_clauses(self) -> list[Clause]:
+        """The list of clauses itself, erased ones included, for an iteration that checks generations."""
+        if self._rows is not None:
+            rows, self._rows, self._row_index = self._rows, None, None
+            self.replace([Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows])
+        return self._clauses
+
+    def candidates(self, first: Term) -> list[Clause]:
+        """The clauses whose first argument may unify with `first`, a dereferenced term; erased ones included."""
+        clauses = self.stored_clauses() if self._rows is not None else self._clauses
+        if len(clauses) < 2:
+            return clauses
+        index = self._index
+        if index is None:
+            index = self._build_index()
+        kind = type(first)
+        if kind is Struct:
+            return index.get((first.name, len(first.args)), self._others)  # type: ignore[union-attr]  # kind says so
+        if kind is Var:
+            return clauses
+        if kind is float or kind is str:
+            return index.get((kind, first), self._others)
+        return index.get(first, self._others)
+
+    def candidate_rows(self, first: Term) -> list[Row]:
+        """The rows whose first argument equals `first`, a dereferenced term, or all when it is a variable."""
+        rows = self._rows
+        assert rows is not None
+        if type(first) is Var:
+            return rows
+        index = self._row_index
+        if index is None:
+            index = self._row_index = {}
+            for row in rows:
+                index.setdefault(index_key(row[0]), []).append(row)
+        return index.get(index_key(first), [])
+
+    def _build_index(self) -> dict[Any, list[Clause]]:
+        if self._dead:
+            self._purge()
+        index: dict[Any, list[Clause]] = {}
+        others: list[Clause] = []
+        for clause in self._clauses:
+            _index_clause(index, others, clause)
+        self._others = others
+        self._index = index
+        return index
+
+    def _purge(self) -> None:
+        self._clauses = [clause for clause in self._clauses if not clause.erased]
+        self._dead = 0
+        self.start = 0
+        self._index = None
+
+    def append(self, clause: Clause) -> None:
+        """Add a clause behind the others."""
+        clauses = self.stored_clauses()
+        clause.predicate = self
+        clauses.append(clause)
+        self.defined = True
+        self.compiled = None
+        if self._index is not None:
+            if self.arity:
+                _index_clause(self._index, self._others, clause)
+            else:
+                self._index = None
+
+    def prepend(self, clause: Clause) -> None:
+        """Add a clause before the others."""
+        clause.predicate = self
+        self._index = None
+        self._clauses = [clause, *self.stored_clauses()[self.start :]]
+        self.start = 0
+        self.defined = True
+        self.compiled = None
+
+    def replace(self, clauses: list[Clause]) -> None:
+        """Take these clauses in place of whatever was there; iterations under way keep what they saw."""
+        self._index = None
+        self._rows = self._row_index = None
+        self._dead = 0
+        self.start = 0
+        self._clauses = clauses
+        self.defined = True
+        self.compiled = None
+        for clause in clauses:
+            clause.predicate = self
+
+    def replace_rows(self, rows: list[Row]) -> None:
+        """Take these facts in place of whatever was there."""
+        self._rows = rows
+        self._row_index = None
+        self._clauses = []
+        self._index = None
+        self._dead = 0
+        self.start = 0
+        self.defined = True
+        self.compiled = None
+
+    def erase(self, clause: Clause) -> bool:
+        """Remove a clause; False when it was removed before."""
+        if clause.erased:
+            return False
+        self.program.generation += 1
+        clause.erased = self.program.generation
+        self._dead += 1
+        self.compiled = None
+        clauses = self._clauses
+        start = self.start
+        while start < len(clauses) and clauses[start].erased:
+            start += 1
+        self.start = start
+        if self._dead > 8 + len(clauses) // 2:
+            self._purge()
+        elif self._index is not None and self.arity:
+            self._unindex(clause)
+        return True
+
+    def _unindex(self, clause: Clause) -> None:
+        """Take an erased clause out of its bucket by replacing the bucket, so old iterations keep theirs."""
+        first = deref(clause.args[0])
+        if type(first) is Var:
+            self._index = None
+            return
+        assert self._index is not None
+        key = index_key(first)
+        bucket = self._index.get(key)
+        if bucket is not None and len(bucket) <= 64:
+            left = [other for other in bucket if not other.erased]
+            if left:
+                self._index[key] = left
+            elif self._others:
+                self._index = None
+            else:
+                del self._index[key]
+
+
+def _index_clause(index: dict[Any, list[Clause]], others: list[Clause], clause: Clause) -> None:
+    if not clause.args or type(deref(clause.args[0])) is Var:
+        for each in index.values():
+            each.append(clause)
+        others.append(clause)
+        return
+    key = index_key(deref(clause.args[0]))
+    bucket = index.get(key)
+    if bucket is not None:
+        bucket.append(clause)
+    else:
+        index[key] = [*others, clause]
+
+
+class Program:
+    """The predicates of one engine by name and arity."""
+
+    __slots__ = ("generation", "link", "predicates")
+
+    def __init__(self, link: Callable[[Any, str, int], None]) -> None:
+        self.link = link  # fills in the node of a goal that a clause of this program calls
+        self.predicates: dict[Indicator, Predicate] = {}
+        self.generation = 1
+
+    def get(self, name: str, arity: int) -> Predicate:
+        """The predicate of that name and arity, made when there was none; see `Predicate.defined`."""
+        predicate = self.predicates.get((name, arity))
+        if predicate is None:
+            predicate = self.predicates.setdefault((name, arity), Predicate(self, name, arity))
+        return predicate
+
+    def find(self, name: str, arity: int) -> Predicate | None:
+        """The predicate of that name and arity if the program defines it."""
+        predicate = self.predicates.get((name, arity))
+        return predicate if predicate is not None and predicate.defined else None
+
+    def replace_facts(self, name: str, arity: int, rows: Iterable[Row]) -> None:
+        """Take these rows of atomic terms as the facts of a dynamic predicate, in place of what it had."""
+        predicate = self.get(name, arity)
+        predicate.dynamic = True
+        predicate.replace_rows(list(rows))
+
+    def remove_source(self, source: str) -> None:
+        """Remove every clause that came from the named source."""
+        for predicate in self.predicates.values():
+            if predicate.rows is None and any(clause.source == source for clause in predicate.clauses):
+                predicate.replace([clause for clause in predicate.clauses if clause.source != source])
+
+    def snapshot(self) -> dict[Indicator, tuple[Any, ...]]:
+        """What `restore` needs to bring back the program as it is now."""
+        return {
+            key: (
+                None if predicate.rows is not None else list(predicate.clauses),
+                predicate.rows,
+                predicate.dynamic,
+                predicate.discontiguous,
+                predicate.multifile,
+                predicate.defined,
+            )
+            for key, predicate in self.predicates.items()
+        }
+
+    def restore(self, snapshot: dict[Indicator, tuple[Any, ...]]) -> None:
+        """Bring back the program as it was when the snapshot was taken."""
+        for key, predicate in self.predicates.items():
+            clauses, rows, dynamic, discontiguous, multifile, defined = snapshot.get(
+                key, ([], None, False, False, False, False)
+            )
+            if rows is not None:
+                predicate.replace_rows(rows)
+            elif len(predicate) != len(clauses) or list(predicate.clauses) != clauses:
+                for clause in clauses:
+                    clause.erased = 0
+                predicate.replace(clauses)
+            predicate.dynamic = dynamic
+            predicate.discontiguous = discontiguous
+            predicate.multifile = multifile
+            predicate.defined = defined

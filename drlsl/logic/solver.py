@@ -1,0 +1,599 @@
+"""The plain solver: SLD resolution over nodes, with its own continuations and choice points.
+
+A *task* is what to do next: a tuple whose first item is a function of the machine and the task that returns the next
+task, or None when the search stops at a solution or at its end. `run` is the task of the plain solver itself, and
+stays in its own loop as long as what follows is its own. Apart from ``(run, node, frame)`` and ``(fail,)`` a task
+that continues something has its continuation, a task, as its last item.
+
+A *choice point* is a tuple too: a function of the machine and the choice point that returns a task, the length of
+the trail to undo to, and whatever the function needs. Backtracking removes a choice point before it calls it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, TextIO, TypeAlias
+
+from drlsl.logic.body import (
+    BRANCH,
+    CALL,
+    CONTROL,
+    CUT,
+    DET,
+    EITHER,
+    PROCEED,
+    PROCEED_NODE,
+    RAISE,
+    SOFT_CUT,
+    BodyCompiler,
+    DeepPattern,
+    Local,
+    Node,
+    Pattern,
+    build,
+    compile_clause,
+)
+from drlsl.logic.body import FAIL as FAIL_OP
+from drlsl.logic.errors import PrologError, ResourceError, resource_error
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.unify import UndoCall, compact, copy_term, undo, unify
+
+if TYPE_CHECKING:
+    from drlsl.logic.flags import Flags
+    from drlsl.logic.operators import Operators
+    from drlsl.logic.program import Clause, Predicate, Program
+
+Task: TypeAlias = tuple[Any, ...]
+Choice: TypeAlias = tuple[Any, ...]
+
+_SLICE: Final = 20_000
+_COMPACT_TRAIL: Final = 50_000
+
+
+class LimitExceeded(ResourceError):
+    """A query went beyond its `Limits`. The program cannot catch it; the engine stays usable."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How much one query may use; None means no bound.
+
+    Attributes:
+        inferences: calls of predicates.
+        seconds: wall-clock time spent searching [s], checked every few thousand inferences.
+        depth: calls waiting for an inner one to end, checked about as often.
+        trail: bindings that backtracking would have to undo and choice points it could go back to, together.
+    """
+
+    inferences: int | None = None
+    seconds: float | None = None
+    depth: int | None = 5_000_000
+    trail: int | None = 20_000_000
+
+
+class Machine:
+    """One search: its trail, its choice points and what it may use."""
+
+    __slots__ = (
+        "_deadline",
+        "_depth_at",
+        "_slice",
+        "_trail_at",
+        "choices",
+        "engine",
+        "flags",
+        "found",
+        "globals",
+        "inferences",
+        "left",
+        "limits",
+        "link",
+        "operators",
+        "output",
+        "program",
+        "state",
+        "trail",
+    )
+
+    output: TextIO
+
+    def __init__(self, engine: Any, limits: Limits) -> None:
+        self.engine = engine
+        self.program: Program = engine.program
+        self.flags: Flags = engine.flags
+        self.operators: Operators = engine.operators
+        self.globals: dict[str, Term] = engine.globals
+        self.state: dict[str, Any] = engine.state
+        self.output = engine.output
+        self.link: Callable[[Node, str, int], None] = engine.linker.link
+        self.trail: list[Any] = []
+        self.choices: list[Choice] = [(exhausted, 0)]
+        self.found = False
+        self.limits = limits
+        self.inferences = 0
+        self._deadline = None if limits.seconds is None else time.monotonic() + limits.seconds
+        self._depth_at = 0
+        self._trail_at = _COMPACT_TRAIL
+        self._slice = 0
+        self.left = 0
+        self._next_slice()
+
+    # ------------------------------------------------------------------ what builtins ask
+
+    def unify(self, left: Term, right: Term) -> bool:
+        """Make two terms equal, remembering each binding on the trail; True when that is possible."""
+        return unify(left, right, self.trail)
+
+    def trail_call(self, undo_call: Callable[[], None]) -> None:
+        """Have `undo_call` called when execution backtracks beyond this point."""
+        self.trail.append(UndoCall(undo_call))
+
+    # ------------------------------------------------------------------ searching
+
+    def solve(self, task: Task) -> bool:
+        """Run a task until it finds a solution (True) or has none left (False).
+
+        Raises:
+            PrologError: An error that no catch/3 took, with its `goal` and `clause`.
+            LimitExceeded: The query went beyond its limits.
+        """
+        next_task: Task | None = task
+        while True:
+            try:
+                while next_task is not None:
+                    next_task = next_task[0](self, next_task)
+                return self.found
+            except PrologError as error:
+                next_task = self._handle(error)
+            except RecursionError:
+                next_task = self._handle(resource_error("recursion"))
+            except MemoryError:
+                raise LimitExceeded(resource_error("memory").term) from None
+
+    def retry(self) -> bool:
+        """Look for another solution after `solve` found one."""
+        return self.solve(FAIL)
+
+    def close(self) -> None:
+        """Give up the search and undo every binding it made."""
+        for choice in reversed(self.choices):
+            if choice[0] is retry_generator:
+                choice[2].close()
+        self.choices.clear()
+        undo(self.trail, 0)
+
+    def call(self, goal: Term, continuation: Task) -> Task:
+        """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
+        compiler = BodyCompiler(self.link, None)
+        node = compiler.compile(deref(goal))
+        return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
+
+    def _handle(self, error: PrologError) -> Task:
+        """The task of the innermost catch/3 that takes an error; raises the error again when there is none."""
+        if isinstance(error, LimitExceeded):
+            raise error
+        ball = copy_term(error.term)
+        choices = self.choices
+        while choices:
+            choice = choices.pop()
+            undo(self.trail, choice[1])
+            if choice[0] is leave_catch and choice[2].active:
+                point = choice[2]
+                if unify(ball, point.catcher, self.trail):
+                    return self.call(point.recovery, point.continuation)
+                undo(self.trail, choice[1])
+            elif choice[0] is retry_generator:
+                choice[2].close()
+        error.term = ball
+        raise error
+
+    # ------------------------------------------------------------------ limits
+
+    def tick(self, task: Task | None) -> int:
+        """Account for a slice of inferences and check the limits; returns the length of the next slice.
+
+        Raises:
+            LimitExceeded: A limit is exceeded.
+        """
+        self.inferences += self._slice - self.left
+        self._slice = self.left = 0
+        limits = self.limits
+        if limits.inferences is not None and self.inferences >= limits.inferences:
+            raise _exceeded("inferences", f"{limits.inferences} inferences")
+        if self._deadline is not None and time.monotonic() > self._deadline:
+            raise _exceeded("seconds", f"{limits.seconds} s")
+        self._check_trail()
+        if limits.depth is not None and self.inferences >= self._depth_at:
+            depth = _depth(task)
+            if depth > limits.depth:
+                raise _exceeded("depth", f"{limits.depth} nested calls")
+            # A call deepens the search by one at most, so nothing can go wrong before this.
+            self._depth_at = self.inferences + max(limits.depth - depth, limits.depth // 8)
+        return self._next_slice()
+
+    def _next_slice(self) -> int:
+        most = self.limits.inferences
+        self._slice = _SLICE if most is None else max(1, min(_SLICE, most - self.inferences))
+        if self.limits.depth is not None:
+            self._slice = max(1, min(self._slice, self.limits.depth))
+        self.left = self._slice
+        return self.left
+
+    def _check_trail(self) -> None:
+        size = len(self.trail)
+        if size > self._trail_at:
+            compact(self.trail, self.choices[-1][1] if self.choices else 0, ())
+            size = len(self.trail)
+            self._trail_at = max(_COMPACT_TRAIL, 2 * size)
+        most = self.limits.trail
+        if most is not None and size + len(self.choices) > most:
+            raise _exceeded("trail", f"{most} bindings and choice points")
+
+
+def _exceeded(resource: str, bound: str) -> LimitExceeded:
+    error = LimitExceeded(resource_error(resource).term)
+    error.add_note(f"The query went beyond its limit of {bound}.")
+    return error
+
+
+def _depth(task: Task | None) -> int:
+    depth = 0
+    while type(task) is tuple:
+        depth += 1
+        task = task[2][1] if task[0] is run else task[-1]
+    return depth
+
+
+# ---------------------------------------------------------------------- tasks and choice points
+
+
+def fail(machine: Machine, _task: Task | None = None) -> Task:
+    """Go back to the newest choice point."""
+    choice = machine.choices.pop()
+    undo(machine.trail, choice[1])
+    task: Task = choice[0](machine, choice)
+    return task
+
+
+FAIL: Final[Task] = (fail,)
+
+
+def exhausted(machine: Machine, _choice: Choice) -> None:
+    """The oldest choice point: there are no more solutions."""
+    machine.found = False
+    machine.choices.append((exhausted, 0))
+
+
+def found(machine: Machine, _task: Task) -> None:
+    """The last continuation: a solution."""
+    machine.found = True
+
+
+FOUND: Final[Task] = (found, None)
+
+
+class CatchPoint:
+    """A catch/3 under way; not `active` once its goal has been left."""
+
+    __slots__ = ("active", "catcher", "continuation", "recovery")
+
+    def __init__(self, catcher: Term, recovery: Term, continuation: Task) -> None:
+        self.catcher = catcher
+        self.recovery = recovery
+        self.continuation = continuation
+        self.active = True
+
+
+def leave_catch(_machine: Machine, _choice: Choice) -> Task:
+    """The choice point of a catch/3 whose goal has failed."""
+    return FAIL
+
+
+def exit_catch(machine: Machine, task: Task) -> Task:
+    """The goal of a catch/3 has succeeded."""
+    point: CatchPoint = task[1]
+    top = machine.choices[-1]
+    if top[0] is leave_catch and top[2] is point:
+        machine.choices.pop()
+    else:
+        point.active = False
+        machine.trail_call(lambda: setattr(point, "active", True))
+    continuation: Task = task[2]
+    return continuation
+
+
+def retry_generator(machine: Machine, choice: Choice) -> Task:
+    """The choice point of a nondeterministic builtin: ask for its next solution."""
+    return start_generator(machine, choice[2], choice[3])
+
+
+_OVER: Final = object()
+
+
+def start_generator(machine: Machine, solutions: Iterator[bool | None], continuation: Task) -> Task:
+    """The next solution of a nondeterministic builtin; one that yields True says that it was the last."""
+    mark = len(machine.trail)
+    last = next(solutions, _OVER)
+    if last is _OVER:
+        return FAIL
+    if last is not True:
+        machine.choices.append((retry_generator, mark, solutions, continuation))
+    return continuation
+
+
+def other_branch(_machine: Machine, choice: Choice) -> Task:
+    """The choice point of a disjunction or an if-then-else: its second branch."""
+    return run, choice[2], choice[3]
+
+
+def dead(_machine: Machine, _choice: Choice) -> Task:
+    """What a soft cut leaves of a choice point."""
+    return FAIL
+
+
+def other_clauses(machine: Machine, choice: Choice) -> Task:
+    """The choice point of a call with clauses left to try."""
+    return try_clauses(machine, *choice[2:])
+
+
+def other_rows(machine: Machine, choice: Choice) -> Task:
+    """The choice point of a call with rows left to try."""
+    return try_rows(machine, *choice[2:])
+
+
+# ---------------------------------------------------------------------- calls
+
+
+def arguments(parts: tuple[Any, ...], frame: list[Any]) -> list[Any]:
+    """The arguments of a goal, dereferenced."""
+    args = []
+    for part in parts:
+        kind = type(part)
+        if kind is Local:
+            term = frame[part.index]
+            if term is None:
+                term = frame[part.index] = Var()
+            else:
+                while type(term) is Var:
+                    ref = term.ref
+                    if ref is None:
+                        break
+                    term = ref
+            args.append(term)
+        elif kind is Pattern or kind is DeepPattern:
+            args.append(build(part, frame))
+        elif kind is Var:
+            args.append(deref(part))
+        else:
+            args.append(part)
+    return args
+
+
+def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
+    """Call a predicate of the program with dereferenced arguments."""
+    first = args[0] if args else NIL
+    if predicate.rows is not None:
+        return try_rows(machine, predicate.candidate_rows(first), 0, args, continuation)
+    candidates = predicate.candidates(first)
+    if not candidates and not predicate.defined:
+        task: Task = machine.engine.undefined(machine, predicate, args, continuation)
+        return task
+    start = predicate.start if type(first) is Var else 0
+    return try_clauses(
+        machine, candidates, start, len(candidates), machine.program.generation, args, continuation
+    )
+
+
+def try_rows(
+    machine: Machine, rows: list[tuple[Any, ...]], index: int, args: Sequence[Any], continuation: Task
+) -> Task:
+    """Go on with the first row from `index` on that matches, leaving a choice point if others follow."""
+    trail = machine.trail
+    mark = len(trail)
+    end = len(rows)
+    while index < end:
+        row = rows[index]
+        index += 1
+        if match_row(row, args, trail):
+            if index < end:
+                machine.choices.append((other_rows, mark, rows, index, args, continuation))
+            return continuation
+        if len(trail) > mark:
+            undo(trail, mark)
+    return FAIL
+
+
+def match_row(row: tuple[Any, ...], args: Sequence[Any], trail: list[Any]) -> bool:
+    """Unify atomic terms with arguments, one by one."""
+    for value, arg in zip(row, args, strict=True):
+        while type(arg) is Var:
+            ref = arg.ref
+            if ref is None:
+                arg.ref = value
+                trail.append(arg)
+                break
+            arg = ref
+        else:
+            if arg is not value and (type(arg) is not type(value) or arg != value):
+                return False
+    return True
+
+
+def try_clauses(
+    machine: Machine,
+    candidates: list[Clause],
+    index: int,
+    end: int,
+    generation: int,
+    args: Sequence[Any],
+    continuation: Task,
+) -> Task:
+    """Go on with the first clause from `index` on whose head matches, leaving a choice point if others follow."""
+    trail = machine.trail
+    choices = machine.choices
+    mark = len(trail)
+    height = len(choices)
+    while index < end:
+        clause = candidates[index]
+        index += 1
+        if clause.erased and clause.erased <= generation:
+            continue
+        code = clause.code
+        if code is None:
+            code = clause.code = compile_clause(clause, clause.predicate.program.link)
+        frame = [height, continuation, *code.blanks]
+        for position, pattern in code.head:
+            arg = args[position]
+            kind = type(pattern)
+            if kind is Local:
+                known = frame[pattern.index]
+                if known is None:
+                    frame[pattern.index] = arg
+                elif not unify(known, arg, trail):
+                    break
+            elif kind is Pattern:
+                if not match(pattern, arg, frame, trail):
+                    break
+            elif arg is not pattern:
+                if type(arg) is Var and arg.ref is None and kind is not DeepPattern:
+                    arg.ref = pattern
+                    trail.append(arg)
+                elif not unify(build(pattern, frame) if kind is DeepPattern else pattern, arg, trail):
+                    break
+        else:
+            if index < end:
+                choices.append(
+                    (other_clauses, mark, candidates, index, end, generation, args, continuation)
+                )
+            return run, code.body, frame
+        if len(trail) > mark:
+            undo(trail, mark)
+    return FAIL
+
+
+def match(pattern: Pattern, term: Term, frame: list[Any], trail: list[Any]) -> bool:
+    """Unify a pattern with a term."""
+    while True:
+        while type(term) is Var:
+            ref = term.ref
+            if ref is None:
+                term.ref = build(pattern, frame)
+                trail.append(term)
+                return True
+            term = ref
+        if type(term) is not Struct or term.name != pattern.name:
+            return False
+        parts = pattern.args
+        args = term.args
+        if len(parts) != len(args):
+            return False
+        for part, arg in zip(parts, args):  # noqa: B905  (the lengths are equal, and strict costs time here)
+            kind = type(part)
+            if kind is Local:
+                known = frame[part.index]
+                if known is None:
+                    while type(arg) is Var:
+                        ref = arg.ref
+                        if ref is None:
+                            break
+                        arg = ref
+                    frame[part.index] = arg
+                elif not unify(known, arg, trail):
+                    return False
+            elif kind is Pattern:
+                if not match(part, arg, frame, trail):
+                    return False
+            elif arg is not part and not unify(part, arg, trail):
+                return False
+        return True
+
+
+# ---------------------------------------------------------------------- the loop
+
+
+def run(machine: Machine, task: Task) -> Task | None:
+    """Run nodes until something that is not the plain solver's own comes next."""
+    node: Node = task[1]
+    frame: list[Any] = task[2]
+    choices = machine.choices
+    left = machine.left
+    following: Task | None
+    try:
+        while True:
+            op = node.op
+            if op == DET:
+                if node.function(machine, *arguments(node.args, frame)):
+                    node = node.next
+                    continue
+                following = fail(machine)
+            elif op == PROCEED:
+                following = frame[1]
+            elif op == CUT:
+                height = frame[node.slot] + node.target
+                if len(choices) > height:
+                    cut(choices, height)
+                node = node.next
+                continue
+            elif op in (BRANCH, EITHER):
+                if op == BRANCH:
+                    frame[node.slot] = len(choices)
+                choices.append((other_branch, len(machine.trail), node.other, frame))
+                node = node.next
+                continue
+            elif op == SOFT_CUT:
+                soft_cut(choices, frame[node.slot])
+                node = node.next
+                continue
+            elif op == RAISE:
+                raise node.function()
+            elif op == FAIL_OP:
+                following = fail(machine)
+            else:
+                left -= 1
+                if left < 0:
+                    machine.left = 0
+                    left = machine.tick((run, node, frame))
+                args = arguments(node.args, frame)
+                continuation = frame[1] if node.next is PROCEED_NODE else (run, node.next, frame)
+                if op == CALL:
+                    following = enter(machine, node.target, args, continuation)
+                elif op == CONTROL:
+                    following = node.function(machine, args, continuation)
+                else:
+                    following = start_generator(machine, node.function(machine, *args), continuation)
+            while following is FAIL:
+                following = fail(machine)
+            if following is None or following[0] is not run:
+                return following
+            node = following[1]
+            frame = following[2]
+    except PrologError as error:
+        if error.goal is None and node.name:
+            args = arguments(node.args, frame)
+            error.goal = Struct(node.name, tuple(args)) if args else Atom(node.name)
+            error.clause = _place(node.clause)
+        raise
+    finally:
+        machine.left = left
+
+
+def _place(clause: Clause | None) -> str | None:
+    return None if clause is None or clause.span is None else str(clause.span)
+
+
+def cut(choices: list[Choice], height: int) -> None:
+    """Remove every choice point from `height` on."""
+    for choice in choices[height:]:
+        if choice[0] is retry_generator:
+            choice[2].close()
+    del choices[height:]
+
+
+def soft_cut(choices: list[Choice], height: int) -> None:
+    """Remove the choice point at `height` alone."""
+    if height == len(choices) - 1:
+        choices.pop()
+    else:
+        choices[height] = (dead, choices[height][1])

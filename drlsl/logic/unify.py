@@ -1,0 +1,302 @@
+"""Unification, the trail, and what compares, copies or walks terms.
+
+Every function here is iterative, so a term's depth is bounded by memory and never by Python's stack.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cmp_to_key
+from sys import getrefcount
+from typing import Any, Protocol
+
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+
+
+class Undoable(Protocol):
+    """A trail entry: setting `ref` to None undoes what was done."""
+
+    ref: Any
+
+
+Trail = list[Any]
+
+
+class UndoCall:
+    """A trail entry that calls a function when it is undone."""
+
+    __slots__ = ("undo",)
+
+    def __init__(self, undo: Callable[[], None]) -> None:
+        self.undo = undo
+
+    @property
+    def ref(self) -> None:
+        return None
+
+    @ref.setter
+    def ref(self, _: None) -> None:
+        self.undo()
+
+
+def undo(trail: Trail, mark: int) -> None:
+    """Take back every binding made since the trail was `mark` entries long, the latest first."""
+    if len(trail) > mark:
+        for entry in reversed(trail[mark:]):
+            entry.ref = None
+        del trail[mark:]
+
+
+def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
+    """Drop the entries from `start` on whose variable nobody else can reach; undoing those would be unseen.
+
+    `marks` are positions not before `start` that must survive as positions, ascending. Only the entries behind the
+    last of them are dropped, since the others' places are taken. Returns how many entries went.
+    """
+    keep_from = start
+    for mark in marks:
+        keep_from = max(keep_from, mark)
+    before = len(trail)
+    tail = trail[keep_from:]
+    del trail[keep_from:]
+    tail.reverse()
+    while tail:
+        entry = tail.pop()
+        # Referred to by `entry` and by the call's own argument: nobody else holds the variable.
+        if type(entry) is not Var or getrefcount(entry) > 2:
+            trail.append(entry)
+    return before - len(trail)
+
+
+def unify(left: Term, right: Term, trail: Trail) -> bool:
+    """Make two terms equal by binding variables; on failure the caller undoes what was bound."""
+    todo: list[Term] = []
+    while True:
+        while type(left) is Var:
+            ref = left.ref
+            if ref is None:
+                break
+            left = ref
+        while type(right) is Var:
+            ref = right.ref
+            if ref is None:
+                break
+            right = ref
+        if left is not right:
+            if type(left) is Var:
+                left.ref = right
+                trail.append(left)
+            elif type(right) is Var:
+                right.ref = left
+                trail.append(right)
+            elif type(left) is Struct:
+                if type(right) is not Struct or left.name != right.name:
+                    return False
+                left_args = left.args
+                right_args = right.args
+                if len(left_args) != len(right_args):
+                    return False
+                if left_args is not right_args:
+                    for index in range(len(left_args) - 1, 0, -1):
+                        todo.append(left_args[index])
+                        todo.append(right_args[index])
+                    left = left_args[0]
+                    right = right_args[0]
+                    continue
+            elif type(left) is not type(right) or left != right:
+                return False
+        if not todo:
+            return True
+        right = todo.pop()
+        left = todo.pop()
+
+
+def occurs(variable: Var, term: Term) -> bool:
+    """Whether an unbound variable occurs in a term."""
+    todo = [term]
+    while todo:
+        term = deref(todo.pop())
+        if term is variable:
+            return True
+        if type(term) is Struct:
+            todo.extend(term.args)
+    return False
+
+
+def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
+    """Unify with the occurs check, so that no cyclic term arises. Source: ISO 13211-1, 8.2.2."""
+    todo: list[tuple[Term, Term]] = [(left, right)]
+    while todo:
+        left, right = todo.pop()
+        left = deref(left)
+        right = deref(right)
+        if left is right:
+            continue
+        if type(right) is Var and type(left) is not Var:
+            left, right = right, left
+        if type(left) is Var:
+            if type(right) is Struct and occurs(left, right):
+                return False
+            left.ref = right
+            trail.append(left)
+        elif type(left) is Struct:
+            if type(right) is not Struct or left.name != right.name or len(left.args) != len(right.args):
+                return False
+            todo.extend(zip(reversed(left.args), reversed(right.args), strict=True))
+        elif type(left) is not type(right) or left != right:
+            return False
+    return True
+
+
+def is_ground(term: Term) -> bool:
+    """Whether no unbound variable occurs in a term."""
+    todo = [term]
+    while todo:
+        term = todo.pop()
+        if type(term) is Var:
+            term = deref(term)
+            if type(term) is Var:
+                return False
+        if type(term) is Struct:
+            todo.extend(term.args)
+    return True
+
+
+def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
+    """A copy with fresh variables and no bound ones; `renaming` holds, and receives, old variable -> new."""
+    term = deref(term)
+    if renaming is None:
+        renaming = {}
+    if type(term) is Var:
+        return renaming.setdefault(term, Var(term.name))
+    if type(term) is not Struct:
+        return term
+    root = Struct(term.name, ())
+    todo = [(root, term.args)]
+    while todo:
+        shell, args = todo.pop()
+        copied: list[Term] = []
+        for arg in args:
+            if type(arg) is Var:
+                arg = deref(arg)
+            if type(arg) is Struct:
+                inner = Struct(arg.name, ())
+                todo.append((inner, arg.args))
+                arg = inner
+            elif type(arg) is Var:
+                fresh = renaming.get(arg)
+                if fresh is None:
+                    fresh = renaming[arg] = Var(arg.name)
+                arg = fresh
+            copied.append(arg)
+        shell.args = tuple(copied)
+    return root
+
+
+def term_variables(term: Term) -> list[Var]:
+    """The distinct unbound variables of a term, depth first, from left to right. Source: ISO 13211-1, 8.5.5."""
+    found: dict[Var, None] = {}
+    todo = [term]
+    while todo:
+        term = todo.pop()
+        if type(term) is Var:
+            term = deref(term)
+            if type(term) is Var:
+                found[term] = None
+        if type(term) is Struct:
+            todo.extend(reversed(term.args))
+    return list(found)
+
+
+_RANK = {Var: 0, float: 1, int: 1, Atom: 3, str: 4, Struct: 5}
+
+
+def compare(left: Term, right: Term, *, iso: bool = True) -> int:
+    """The standard order of terms: -1, 0 or 1.
+
+    Variables precede numbers, then atoms, strings, and compound terms by arity, name and arguments. With `iso`
+    every float precedes every integer; without, numbers compare by value and a float precedes the equal integer.
+    Source: ISO 13211-1, 7.2.
+    """
+    todo: list[Term] = []
+    while True:
+        left = deref(left)
+        right = deref(right)
+        if left is not right:
+            order = _compare_shallow(left, right, iso)
+            if order:
+                return order
+            if type(left) is Struct and type(right) is Struct:
+                for index in range(len(left.args) - 1, -1, -1):
+                    todo.append(left.args[index])
+                    todo.append(right.args[index])
+        if not todo:
+            return 0
+        right = todo.pop()
+        left = todo.pop()
+
+
+def _compare_shallow(left: Term, right: Term, iso: bool) -> int:
+    """The order of two distinct dereferenced terms, as far as it does not lie in their arguments."""
+    kind = type(left)
+    if kind is not type(right):
+        order = _RANK[kind] - _RANK[type(right)]
+        if order:
+            return 1 if order > 0 else -1
+        if not iso and left != right:
+            return -1 if left < right else 1  # type: ignore[operator]  # equal ranks of unlike types: numbers
+        return -1 if kind is float else 1
+    if kind is Struct:
+        first: Any = (len(left.args), left.name)  # type: ignore[union-attr]  # kind says so
+        second: Any = (len(right.args), right.name)  # type: ignore[union-attr]  # kind says so
+    elif kind is Atom:
+        first, second = left.name, right.name  # type: ignore[union-attr]  # kind says so
+    elif kind is Var:
+        # Addresses do not change while a variable lives, and that is all the standard asks of their order.
+        first, second = id(left), id(right)
+    else:
+        first, second = left, right
+    if first == second:
+        return 0
+    return -1 if first < second else 1
+
+
+def sort_key(*, iso: bool = True) -> Callable[[Term], Any]:
+    """A key that sorts by the standard order of terms."""
+    return cmp_to_key(lambda left, right: compare(left, right, iso=iso))
+
+
+def variant(left: Term, right: Term) -> bool:
+    """Whether two terms are equal up to a renaming of variables."""
+    forward: dict[Var, Var] = {}
+    backward: dict[Var, Var] = {}
+    todo = [(left, right)]
+    while todo:
+        left, right = todo.pop()
+        left = deref(left)
+        right = deref(right)
+        if type(left) is not type(right):
+            return False
+        if type(left) is Var and type(right) is Var:
+            if forward.setdefault(left, right) is not right or backward.setdefault(right, left) is not left:
+                return False
+        elif type(left) is Struct and type(right) is Struct:
+            if left.name != right.name or len(left.args) != len(right.args):
+                return False
+            todo.extend(zip(left.args, right.args, strict=True))
+        elif left != right:
+            return False
+    return True
+
+
+def subsumes(general: Term, specific: Term) -> bool:
+    """Whether `specific` is an instance of `general`; binds nothing. Source: ISO 13211-1, 8.2.4."""
+    trail: Trail = []
+    before = term_variables(specific)
+    try:
+        if not unify(general, specific, trail):
+            return False
+        after = [deref(variable) for variable in before]
+        return all(type(term) is Var for term in after) and len(set(map(id, after))) == len(before)
+    finally:
+        undo(trail, 0)
