@@ -1,0 +1,157 @@
+"""Write recordings in the layout of the highD data set.
+
+The columns that highD derives from the others (sight distances, headways, ids of the neighbours) are left
+out; every column written has highD's meaning.
+"""
+
+from __future__ import annotations
+
+import lzma
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from drlsl.errors import UserError
+from drlsl.traffic.recording import Floats, VehicleClass
+from drlsl.traffic.tracks import Tracks
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HighdContent:
+    """Everything that goes into the three files of one recording.
+
+    `tracks` are sorted by vehicle and frame, frames count from 0, each vehicle has one unbroken track; `ax`
+    and `ay` [m/s²] have one value a row. Markings are y values [m], top first, empty for a direction the road
+    has not; `speed_limit` [m/s] is None where there is none.
+    """
+
+    tracks: Tracks
+    ax: Floats
+    ay: Floats
+    vehicle_class: Mapping[int, VehicleClass]
+    frame_rate: float
+    upper_markings: Sequence[float]
+    lower_markings: Sequence[float]
+    speed_limit: float | None
+
+
+def write_highd(
+    content: HighdContent, folder: Path, part: str = "01", *, force: bool = False, compress: bool = False
+) -> Path:
+    """Write a folder with one recording, all of it or nothing; files end in .csv, or .csv.xz with `compress`.
+
+    Raises: UserError where the folder exists and `force` is not given, or cannot be written.
+    """
+    if folder.exists() and not force:
+        raise UserError(f"{folder}: exists already; choose another folder or add --force to replace it")
+    tables = {
+        "tracks": _tracks_table(content),
+        "tracksMeta": _vehicles_table(content),
+        "recordingMeta": _meta_table(content, part),
+    }
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
+            fresh = Path(scratch) / "new"
+            fresh.mkdir()
+            for kind, table in tables.items():
+                text = table.to_csv(index=False, float_format="%.2f", lineterminator="\n").encode()
+                if compress:
+                    packed = lzma.compress(text, preset=9 | lzma.PRESET_EXTREME)
+                    (fresh / f"{part}_{kind}.csv.xz").write_bytes(packed)
+                else:
+                    (fresh / f"{part}_{kind}.csv").write_bytes(text)
+            if folder.exists():
+                shutil.move(folder, Path(scratch) / "old")
+            fresh.rename(folder)
+    except OSError as error:
+        raise UserError(f"{folder}: cannot be written: {error}") from error
+    return folder
+
+
+def _tracks_table(content: HighdContent) -> pd.DataFrame:
+    tracks = content.tracks
+    columns = {
+        "frame": tracks.frame + 1,
+        "id": tracks.vehicle,
+        "x": _rounded(tracks.x - tracks.length / 2),
+        "y": _rounded(tracks.y - tracks.width / 2),
+        "width": tracks.length,
+        "height": tracks.width,
+        "xVelocity": _rounded(tracks.vx),
+        "yVelocity": _rounded(tracks.vy),
+        "xAcceleration": _rounded(content.ax),
+        "yAcceleration": _rounded(content.ay),
+        "laneId": _lane_ids(content),
+    }
+    return pd.DataFrame(columns)
+
+
+def _lane_ids(content: HighdContent) -> np.ndarray:
+    """highD's lane ids: the strips between all markings, counted from 1, the one above the first marking."""
+    return (
+        np.searchsorted([*content.upper_markings, *content.lower_markings], content.tracks.y, side="right")
+        + 1
+    )
+
+
+def _vehicles_table(content: HighdContent) -> pd.DataFrame:
+    tracks = content.tracks
+    speed = np.abs(tracks.vx)
+    rows = pd.DataFrame(
+        {
+            "id": tracks.vehicle,
+            "width": tracks.length,
+            "height": tracks.width,
+            "frame": tracks.frame + 1,
+            "x": tracks.x,
+            "vx": tracks.vx,
+            "speed": speed,
+            "lane": _lane_ids(content),
+        }
+    )
+    groups = rows.groupby("id", sort=True)
+    table = groups[["width", "height"]].first()
+    table["initialFrame"] = groups["frame"].min()
+    table["finalFrame"] = groups["frame"].max()
+    table["numFrames"] = groups.size()
+    table["class"] = [content.vehicle_class[int(vehicle)].value.capitalize() for vehicle in table.index]
+    table["drivingDirection"] = np.where(groups["vx"].mean() < 0, 1, 2)
+    table["traveledDistance"] = groups["x"].max() - groups["x"].min()
+    table["minXVelocity"] = groups["speed"].min()
+    table["maxXVelocity"] = groups["speed"].max()
+    table["meanXVelocity"] = groups["speed"].mean()
+    changed = (rows["lane"].diff() != 0) & (rows["id"].diff() == 0)
+    table["numLaneChanges"] = changed.groupby(rows["id"]).sum()
+    return table.reset_index()
+
+
+def _meta_table(content: HighdContent, part: str) -> pd.DataFrame:
+    tracks = content.tracks
+    distances = np.abs(tracks.vx) / content.frame_rate
+    kinds = list(content.vehicle_class.values())
+    return pd.DataFrame(
+        {
+            "id": [int(part)],
+            "frameRate": [content.frame_rate],
+            "speedLimit": [-1.0 if content.speed_limit is None else content.speed_limit],
+            "duration": [(int(tracks.frame.max()) + 1) / content.frame_rate],
+            "totalDrivenDistance": [float(distances.sum())],
+            "totalDrivenTime": [len(tracks) / content.frame_rate],
+            "numVehicles": [len(kinds)],
+            "numCars": [kinds.count(VehicleClass.CAR)],
+            "numTrucks": [kinds.count(VehicleClass.TRUCK)],
+            "upperLaneMarkings": [";".join(f"{y:.2f}" for y in content.upper_markings)],
+            "lowerLaneMarkings": [";".join(f"{y:.2f}" for y in content.lower_markings)],
+        }
+    )
+
+
+def _rounded(values: Floats) -> Floats:
+    """Two decimals, as in highD, and no minus before a zero."""
+    return np.round(values, 2) + 0.0

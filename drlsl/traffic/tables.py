@@ -1,0 +1,154 @@
+"""Read columns from text files, with errors that name file, line and column."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import lzma
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import pandas as pd
+
+from drlsl.errors import UserError
+from drlsl.traffic.recording import Floats, Mask
+
+UNREADABLE = (OSError, EOFError, UnicodeDecodeError, lzma.LZMAError, zlib.error)
+"""What opening, decompressing or decoding a broken file raises."""
+
+
+class Kind(Enum):
+    """What the cells of a column must hold; the value says so in an error."""
+
+    NUMBER = "a finite number"
+    POSITIVE = "a number above 0"
+    COUNT = "a whole number from 0 to 2,147,483,647"
+    TEXT = "text"
+
+    def holds(self, values: Floats) -> Mask:
+        """Which of the values are of this kind."""
+        held: Mask = np.isfinite(values)
+        if self is Kind.POSITIVE:
+            held &= values > 0
+        elif self is Kind.COUNT:
+            held &= (values >= 0) & (values < 2**31) & (values == np.floor(values))
+        return held
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a file is laid out: commas under a line of names; or, given `names`, words and no such line."""
+
+    names: tuple[str, ...] | None = None
+
+
+COMMAS = Layout()
+
+
+def open_text(path: Path) -> IO[str]:
+    """Open a text file, plain or compressed as its suffix says."""
+    opener = {".gz": gzip.open, ".xz": lzma.open}.get(path.suffix, open)
+    return opener(path, "rt", encoding="utf-8-sig", newline="")  # type: ignore[operator,no-any-return]  # alike
+
+
+def read_header(path: Path) -> tuple[str, ...]:
+    """The names in the first line of a comma-separated file.
+
+    Raises: UserError where the file cannot be read or is empty.
+    """
+    for _, cells in _lines(path, COMMAS):
+        return tuple(cell.strip() for cell in cells)
+    raise UserError(f"{path}: the file is empty")
+
+
+def find_columns(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[str, str]:
+    """Wanted name -> name in the file, whatever the case.
+
+    Raises: UserError that lists the columns missing.
+    """
+    present = {column.lower(): column for column in header}
+    missing = [name for name in wanted if name.lower() not in present]
+    if missing:
+        plural = "s" if len(missing) > 1 else ""
+        raise UserError(f"{path}: missing column{plural} {', '.join(missing)}; found {', '.join(header)}")
+    return {name: present[name.lower()] for name in wanted}
+
+
+def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS) -> pd.DataFrame:
+    """The wanted columns, in float64, or as text where so wanted, under the names given here.
+
+    Raises: UserError where the file is unreadable or lacks a column, or that names the first line and column
+        whose cell is not of the kind wanted.
+    """
+    header = layout.names or read_header(path)
+    columns = find_columns(path, header, tuple(wanted))
+    try:
+        frame = pd.read_csv(
+            path,
+            sep="," if layout.names is None else r"\s+",
+            header=None if layout.names else 0,
+            names=list(header),
+            usecols=list(columns.values()),
+            dtype={columns[name]: "str" if kind is Kind.TEXT else "float64" for name, kind in wanted.items()},
+            index_col=False,
+            thousands=",",
+            encoding="utf-8-sig",
+        )
+    except UNREADABLE as error:
+        raise _unreadable(path, error) from error
+    except ValueError as error:
+        raise _first_fault(path, wanted, layout) from error
+    frame = frame.rename(columns={column: name for name, column in columns.items()})
+    for name, kind in wanted.items():
+        if kind is not Kind.TEXT and not kind.holds(frame[name].to_numpy()).all():
+            raise _first_fault(path, wanted, layout)
+    return frame
+
+
+def _unreadable(path: Path, error: Exception) -> UserError:
+    return UserError(f"{path}: cannot be read: {error or type(error).__name__}")
+
+
+def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of every line that is not blank."""
+    try:
+        with open_text(path) as file:
+            if layout.names is None:
+                reader = csv.reader(file)
+                yield from ((reader.line_num, cells) for cells in reader if cells)
+            else:
+                yield from ((number, line.split()) for number, line in enumerate(file, 1) if line.strip())
+    except (*UNREADABLE, csv.Error) as error:
+        raise _unreadable(path, error) from error
+
+
+def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> UserError:
+    """The error for the first line at fault, found by a slow second reading."""
+    lines = _lines(path, layout)
+    header = layout.names or [cell.strip() for cell in next(lines)[1]]
+    places = {
+        name: header.index(column) for name, column in find_columns(path, header, tuple(wanted)).items()
+    }
+    for number, cells in lines:
+        if len(cells) != len(header):
+            return UserError(f"{path}:{number}: {len(cells)} cells, expected {len(header)}")
+        for name, kind in wanted.items():
+            cell = cells[places[name]].strip()
+            if kind is not Kind.TEXT and not kind.holds(np.array(_number(cell))):
+                return UserError(
+                    f"{path}:{number}: column {header[places[name]]}: {cell!r} is not {kind.value}"
+                )
+    return UserError(f"{path}: the table is malformed")
+
+
+def _number(cell: str) -> float:
+    """The number in a cell, NaN where there is none."""
+    try:
+        return float(cell.replace(",", ""))
+    except ValueError:
+        return float("nan")

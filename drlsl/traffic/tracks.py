@@ -1,0 +1,132 @@
+"""From rows, one per vehicle and frame, to the padded arrays of a recording."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.errors import UserError
+from drlsl.traffic.recording import NO_VEHICLE, OFF_LANE, Dropped, Floats, Frames, Ids, LaneIds
+from drlsl.traffic.road import Lane
+
+FLOAT_COLUMNS = ("x", "y", "vx", "vy", "length", "width")
+"""The columns of measures, in Tracks and in Frames."""
+
+ROUNDING = 1e-6
+"""Slack [m] at the borders of a lane, so that none falls between two lanes that touch."""
+
+MOST_CELLS = 100_000_000
+"""Largest frames x vehicles rectangle built, about 6 GB: a guard against wrong frame numbers."""
+
+
+@dataclass(slots=True, eq=False)
+class Tracks:
+    """One row per vehicle and frame; every array has shape (rows,), SI units as in Frames."""
+
+    frame: npt.NDArray[np.int64]
+    vehicle: npt.NDArray[np.int64]
+    x: Floats
+    y: Floats
+    vx: Floats
+    vy: Floats
+    length: Floats
+    width: Floats
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def take(self, rows: npt.NDArray[np.generic]) -> Tracks:
+        """The rows selected by an index or mask, in that order."""
+        return Tracks(*(getattr(self, item.name)[rows] for item in fields(self)))
+
+
+def without_duplicates(tracks: Tracks) -> tuple[Tracks, npt.NDArray[np.int64], tuple[Dropped, ...]]:
+    """Rows sorted by vehicle and frame, one row for each pair of them.
+
+    Of several rows for one vehicle and frame the first in the source stays. Returns the rows, their indices
+    in the input, and what was dropped: repeated rows, and rows that contradict the one kept.
+    """
+    order = np.lexsort((tracks.frame, tracks.vehicle))
+    ordered = tracks.take(order)
+    repeat = np.zeros(len(ordered), dtype=np.bool_)
+    repeat[1:] = (np.diff(ordered.vehicle) == 0) & (np.diff(ordered.frame) == 0)
+    kept = np.maximum.accumulate(np.where(repeat, 0, np.arange(len(ordered))))
+    same = np.ones(len(ordered), dtype=np.bool_)
+    for name in FLOAT_COLUMNS:
+        values = getattr(ordered, name)
+        same &= values == values[kept]
+    dropped = (
+        Dropped("row repeated: same vehicle, frame and values", int((repeat & same).sum())),
+        Dropped("row contradicts an earlier one of the same vehicle and frame", int((repeat & ~same).sum())),
+    )
+    return ordered.take(~repeat), order[~repeat], tuple(item for item in dropped if item.rows)
+
+
+def segment_starts(tracks: Tracks) -> npt.NDArray[np.int64]:
+    """Rows at which an unbroken stretch of a track begins; rows are sorted by vehicle and frame."""
+    new = np.ones(len(tracks), dtype=np.bool_)
+    new[1:] = (np.diff(tracks.vehicle) != 0) | (np.diff(tracks.frame) != 1)
+    return np.flatnonzero(new)
+
+
+def lanes_of_rows(y: Floats, lanes: Sequence[Lane]) -> LaneIds:
+    """Id of the lane whose strip holds y, OFF_LANE where none does; a border belongs to the lane below it."""
+    ids = np.full(y.shape, OFF_LANE, dtype=np.int16)
+    for lane in lanes:
+        ids[np.abs(y - lane.centre) <= lane.width / 2 + ROUNDING] = lane.id
+    return ids
+
+
+def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
+    """The padded arrays of rows that are sorted, free of duplicates and numbered from frame 0.
+
+    Raises: UserError where the frame numbers would need an absurd amount of memory.
+    """
+    starts = segment_starts(tracks)
+    lengths = np.diff(np.append(starts, len(tracks)))
+    first_frame = tracks.frame[starts]
+    slots, capacity = _slots(first_frame, first_frame + lengths)
+    count = int(tracks.frame.max()) + 1
+    if count * capacity > MOST_CELLS:
+        raise UserError(
+            f"{name}: {len(tracks):,} rows span {count:,} frames with up to {capacity} vehicles in one, "
+            f"more than the {MOST_CELLS:,} cells supported; check the frame numbers or split the recording"
+        )
+    rows, columns = tracks.frame, np.repeat(slots, lengths)
+
+    def spread(values: npt.NDArray[Any], fill: float, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        array = np.full((count, capacity), fill, dtype=dtype)
+        array[rows, columns] = values
+        return array
+
+    vehicle = spread(tracks.vehicle, NO_VEHICLE, np.int32)
+    return Frames(
+        vehicle=vehicle,
+        lane=spread(lane, OFF_LANE, np.int16),
+        first=spread(np.repeat(first_frame, lengths), NO_VEHICLE, np.int32),
+        valid=vehicle != NO_VEHICLE,
+        **{column: spread(getattr(tracks, column), np.nan, np.float64) for column in FLOAT_COLUMNS},
+    )
+
+
+def _slots(begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]) -> tuple[Ids, int]:
+    """A slot for each segment [begin, end), none shared at one time, as few as the busiest frame needs."""
+    slots = np.empty(len(begin), dtype=np.int32)
+    free: list[int] = []
+    busy: list[tuple[int, int]] = []
+    capacity = 0
+    for segment in np.argsort(begin, kind="stable"):
+        while busy and busy[0][0] <= begin[segment]:
+            heapq.heappush(free, heapq.heappop(busy)[1])
+        if free:
+            slot = heapq.heappop(free)
+        else:
+            slot, capacity = capacity, capacity + 1
+        slots[segment] = slot
+        heapq.heappush(busy, (int(end[segment]), slot))
+    return slots, capacity
