@@ -16,13 +16,18 @@ if TYPE_CHECKING:
 
 
 def query(
-    state: Annotated[Path, typer.Option("--state", metavar="FILE", help="The scene, as JSON; docs/scene.md describes it.")],
+    state: Annotated[
+        Path, typer.Option("--state", metavar="FILE", help="The scene, as JSON; docs/scene.md describes it.")
+    ],
     rules: Annotated[
         list[Path] | None,
-        typer.Option("--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."),
+        typer.Option(
+            "--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."
+        ),
     ] = None,
     goal: Annotated[
-        str | None, typer.Option("--goal", metavar="GOAL", help="Run this goal in the scene and print its solutions.")
+        str | None,
+        typer.Option("--goal", metavar="GOAL", help="Run this goal in the scene and print its solutions."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -49,7 +54,10 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
     elif not solutions:
         print("false.")
     for solution in solutions if not as_json else ():
-        print(", ".join(f"{name} = {shield.engine.format(value)}" for name, value in solution.items()) or "true.")
+        print(
+            ", ".join(f"{name} = {shield.engine.format(value)}" for name, value in solution.items())
+            or "true."
+        )
 
 
 def _plain(value: object) -> Any:
@@ -75,7 +83,8 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
                 {
                     "safe_actions": [action.atom for action in decision.safe_actions],
                     "unsafe_actions": {
-                        action.atom: [objection.as_json() for objection in found] for action, found in unsafe.items()
+                        action.atom: [objection.as_json() for objection in found]
+                        for action, found in unsafe.items()
                     },
                     "target_speed": decision.target_speed,
                     "observation": list(decision.observation),

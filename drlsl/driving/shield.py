@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, TypeGuard
 from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.scene import Road, Scene, road_facts, scene_facts
 from drlsl.errors import UserError
-from drlsl.logic import Engine, Limits, PrologError, Solution
+from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, Solution
 
 if TYPE_CHECKING:
     from drlsl.driving.batch import Decisions, SceneBatch
@@ -116,15 +116,15 @@ class Shield:
         self.state_facts(scene)
         try:
             return self._checked(
-                actions=[solution["Action"] for solution in self._safe_actions.run(limits=LIMITS)],
-                speed=_value(self._velocity.once(limits=LIMITS), "Speed", "longitudinal_velocity/1"),
-                observation=_value(self._state.once(limits=LIMITS), "Observation", "state/1"),
-                front_is_free=self._front_is_free.once(limits=LIMITS) is not None,
-                lane=_value(self._lane_to_keep.once(limits=LIMITS), "Lane", "lane_to_keep/1")
+                actions=[solution["Action"] for solution in self._safe_actions.solutions(LIMITS)],
+                speed=_value(self._velocity.once(LIMITS), "Speed", "longitudinal_velocity/1"),
+                observation=_value(self._state.once(LIMITS), "Observation", "state/1"),
+                front_is_free=self._front_is_free.once(LIMITS) is not None,
+                lane=_value(self._lane_to_keep.once(LIMITS), "Lane", "lane_to_keep/1")
                 if self._gives_lane
                 else scene.target_lane,
             )
-        except PrologError as error:
+        except (PrologError, LimitExceeded) as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def entry_is_safe(self, scene: Scene) -> bool:
@@ -135,8 +135,8 @@ class Shield:
         """
         self.state_facts(scene)
         try:
-            return self._entry_is_safe.once(limits=LIMITS) is not None
-        except PrologError as error:
+            return self._entry_is_safe.once(LIMITS) is not None
+        except (PrologError, LimitExceeded) as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def decide_batch(self, scenes: SceneBatch) -> Decisions:

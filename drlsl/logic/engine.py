@@ -138,6 +138,11 @@ class Engine:
 
     # ------------------------------------------------------------------ asking
 
+    def defines(self, name: str, arity: int) -> bool:
+        """Whether the program has clauses for a predicate, or declares it dynamic."""
+        predicate = self.program.predicates.get((name, arity))
+        return predicate is not None and predicate.defined
+
     def prepare(self, goal: Goal) -> Query:
         """A goal read once, to be asked many times.
 

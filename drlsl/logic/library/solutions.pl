@@ -1,4 +1,4 @@
-:- module(solutions, [bagof/3, setof/3, '^'/2, aggregate_all/3, aggregate_all/4]).
+:- module(solutions, [bagof/3, setof/3, (^)/2, aggregate_all/3, aggregate_all/4]).
 
 bagof(T, G, L) :-
     '$check_partial_list'(L),
