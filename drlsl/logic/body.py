@@ -35,6 +35,12 @@ class Local:
         self.index = index
 
 
+class First(Local):
+    """A variable where it occurs for the first time."""
+
+    __slots__ = ()
+
+
 class Pattern:
     """A compound term with variables of the clause in it."""
 
@@ -90,7 +96,10 @@ def build(pattern: Pattern, frame: list[Any]) -> Struct:
     args = []
     for part in pattern.args:
         kind = type(part)
-        if kind is Local:
+        if kind is First:
+            term = frame[part.index] = Var()
+            args.append(term)
+        elif kind is Local:
             term = frame[part.index]
             if term is None:
                 term = frame[part.index] = Var()
@@ -113,7 +122,7 @@ def _build_deep(pattern: Pattern, frame: list[Any]) -> Struct:
                 inner = Struct(part.name, ())
                 todo.append((inner, part.args))
                 args.append(inner)
-            elif type(part) is Local:
+            elif isinstance(part, Local):
                 term = frame[part.index]
                 if term is None:
                     term = frame[part.index] = Var()
@@ -358,12 +367,32 @@ def compile_clause(clause: Clause, link: Callable[[Node, str, int], None]) -> Co
     compiler = BodyCompiler(link, slots, clause)
     body = compiler.compile(clause.body)
     used = _count_uses(clause)
+    seen: set[int] = set()
     head = tuple(
-        (position, pattern)
+        (position, _mark_first(pattern, seen))
         for position, pattern in enumerate(patterns)
         if type(pattern) is not Local or used[pattern.index - FIRST_SLOT] > 1
     )
     return Code(head, [None] * compiler.frame_size(), body)
+
+
+def _mark_first(pattern: Any, seen: set[int]) -> Any:
+    """A pattern of the head with `First` where a variable occurs for the first time, from left to right."""
+    kind = type(pattern)
+    if kind is Local and pattern.index not in seen:
+        seen.add(pattern.index)
+        return First(pattern.index)
+    if kind is Pattern:
+        return Pattern(pattern.name, tuple([_mark_first(part, seen) for part in pattern.args]))
+    if kind is DeepPattern:
+        todo = [pattern]
+        while todo:
+            for part in todo.pop().args:
+                if isinstance(part, Pattern):
+                    todo.append(part)
+                elif type(part) is Local:
+                    seen.add(part.index)
+    return pattern
 
 
 def _count_uses(clause: Clause) -> list[int]:

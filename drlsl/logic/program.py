@@ -77,7 +77,6 @@ class Predicate:
         "_index",
         "_others",
         "_row_index",
-        "_rows",
         "arity",
         "compiled",
         "defined",
@@ -86,6 +85,7 @@ class Predicate:
         "multifile",
         "name",
         "program",
+        "rows",
         "start",
     )
 
@@ -99,7 +99,7 @@ class Predicate:
         self.defined = False  # known to the program: it has or had clauses, or was declared
         self.compiled: Any = None  # the compiled solver's entry point
         self._clauses: list[Clause] = []
-        self._rows: list[Row] | None = None
+        self.rows: list[Row] | None = None  # the facts as rows while the predicate was filled in bulk
         self._row_index: dict[Any, list[Row]] | None = None
         self._index: dict[Any, list[Clause]] | None = None
         self._others: list[Clause] = []
@@ -110,16 +110,11 @@ class Predicate:
         return f"Predicate({self.name}/{self.arity}, {len(self)} clauses)"
 
     def __len__(self) -> int:
-        return len(self._clauses) - self._dead if self._rows is None else len(self._rows)
+        return len(self._clauses) - self._dead if self.rows is None else len(self.rows)
 
     @property
     def indicator(self) -> Indicator:
         return self.name, self.arity
-
-    @property
-    def rows(self) -> list[Row] | None:
-        """The facts as rows while the predicate was filled in bulk, else None."""
-        return self._rows
 
     @property
     def clauses(self) -> Sequence[Clause]:
@@ -129,14 +124,14 @@ class Predicate:
 
     def stored_clauses(self) -> list[Clause]:
         """The list of clauses itself, erased ones included, for an iteration that checks generations."""
-        if self._rows is not None:
-            rows, self._rows, self._row_index = self._rows, None, None
+        if self.rows is not None:
+            rows, self.rows, self._row_index = self.rows, None, None
             self.replace([Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows])
         return self._clauses
 
     def candidates(self, first: Term) -> list[Clause]:
         """The clauses whose first argument may unify with `first`, a dereferenced term; erased ones included."""
-        clauses = self.stored_clauses() if self._rows is not None else self._clauses
+        clauses = self.stored_clauses() if self.rows is not None else self._clauses
         if len(clauses) < 2:
             return clauses
         index = self._index
@@ -153,7 +148,7 @@ class Predicate:
 
     def candidate_rows(self, first: Term) -> list[Row]:
         """The rows whose first argument equals `first`, a dereferenced term, or all when it is a variable."""
-        rows = self._rows
+        rows = self.rows
         assert rows is not None
         if type(first) is Var:
             return rows
@@ -206,7 +201,7 @@ class Predicate:
     def replace(self, clauses: list[Clause]) -> None:
         """Take these clauses in place of whatever was there; iterations under way keep what they saw."""
         self._index = None
-        self._rows = self._row_index = None
+        self.rows = self._row_index = None
         self._dead = 0
         self.start = 0
         self._clauses = clauses
@@ -217,7 +212,7 @@ class Predicate:
 
     def replace_rows(self, rows: list[Row]) -> None:
         """Take these facts in place of whatever was there."""
-        self._rows = rows
+        self.rows = rows
         self._row_index = None
         self._clauses = []
         self._index = None

@@ -29,6 +29,7 @@ from drlsl.logic.body import (
     SOFT_CUT,
     BodyCompiler,
     DeepPattern,
+    First,
     Local,
     Node,
     Pattern,
@@ -447,14 +448,16 @@ def try_clauses(
         for position, pattern in code.head:
             arg = args[position]
             kind = type(pattern)
-            if kind is Local:
-                known = frame[pattern.index]
-                if known is None:
-                    frame[pattern.index] = arg
-                elif not unify(known, arg, trail):
-                    break
+            if kind is First:
+                frame[pattern.index] = arg
             elif kind is Pattern:
-                if not match(pattern, arg, frame, trail):
+                if type(arg) is Var and arg.ref is None:
+                    arg.ref = build(pattern, frame)
+                    trail.append(arg)
+                elif not match(pattern, arg, frame, trail):
+                    break
+            elif kind is Local:
+                if not unify(frame[pattern.index], arg, trail):
                     break
             elif arg is not pattern:
                 if type(arg) is Var and arg.ref is None and kind is not DeepPattern:
@@ -491,16 +494,15 @@ def match(pattern: Pattern, term: Term, frame: list[Any], trail: list[Any]) -> b
             return False
         for part, arg in zip(parts, args):  # noqa: B905  (the lengths are equal, and strict costs time here)
             kind = type(part)
-            if kind is Local:
-                known = frame[part.index]
-                if known is None:
-                    while type(arg) is Var:
-                        ref = arg.ref
-                        if ref is None:
-                            break
-                        arg = ref
-                    frame[part.index] = arg
-                elif not unify(known, arg, trail):
+            if kind is First:
+                while type(arg) is Var:
+                    ref = arg.ref
+                    if ref is None:
+                        break
+                    arg = ref
+                frame[part.index] = arg
+            elif kind is Local:
+                if not unify(frame[part.index], arg, trail):
                     return False
             elif kind is Pattern:
                 if not match(part, arg, frame, trail):
