@@ -40,13 +40,15 @@ class Flags:
     """The flags of one engine.
 
     The ones that are asked for often are attributes too: `unknown`, `double_quotes`, `occurs_check` (each the
-    name of its value) and `iso` (a bool: False accepts SWI-Prolog's extensions of the syntax).
+    name of its value) and `iso` (a bool: False accepts the extensions of SWI-Prolog). `conversions` is
+    what char_conversion/2 said; `active_conversions` is empty while the flag char_conversion is off.
     """
 
-    __slots__ = ("_values", "double_quotes", "iso", "occurs_check", "unknown")
+    __slots__ = ("_values", "conversions", "double_quotes", "iso", "occurs_check", "unknown")
 
     def __init__(self) -> None:
         self._values = dict(_DEFAULTS)
+        self.conversions: dict[str, str] = {}
         self._refresh()
 
     def _refresh(self) -> None:
@@ -60,10 +62,16 @@ class Flags:
         assert isinstance(value, Atom)
         return value.name
 
+    @property
+    def active_conversions(self) -> dict[str, str]:
+        """The conversions that reading applies to unquoted characters (3.32, 8.14.5)."""
+        return self.conversions if self._name("char_conversion") == "on" else {}
+
     def copy(self) -> Flags:
         """Independent flags with the same values."""
         twin = Flags()
         twin._values.update(self._values)
+        twin.conversions.update(self.conversions)
         twin._refresh()
         return twin
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, NoReturn
 
-from drlsl.logic.errors import syntax_error
+from drlsl.logic.errors import PrologSyntaxError, syntax_error
 from drlsl.logic.flags import Flags
 from drlsl.logic.operators import Operators
 from drlsl.logic.terms import CURLY, NIL, Atom, Struct, Term, Var, make_list
@@ -28,6 +28,7 @@ from drlsl.logic.tokens import (
     STRING,
     SYMBOL,
     SYMBOL_OPEN,
+    UNCLOSED_COMMENT,
     VARIABLE,
     WORD,
     WORD_OPEN,
@@ -41,7 +42,7 @@ from drlsl.logic.tokens import (
     unquote,
 )
 
-__all__ = ["ReadTerm", "Reader", "Source", "Span", "parse_number", "read_term", "read_terms"]
+__all__ = ["ReadTerm", "Reader", "Source", "Span", "is_complete", "parse_number", "read_term", "read_terms"]
 
 _OPEN_KINDS: Final = frozenset({WORD_OPEN, SYMBOL_OPEN, QUOTED_OPEN, LETTER_OPEN})
 _NAME_KINDS: Final = frozenset({WORD, SYMBOL, QUOTED, LETTER}) | _OPEN_KINDS
@@ -93,7 +94,7 @@ class Reader:
         self.source = Source(text, name)
         self._flags = flags
         self._parser = _Parser(self.source, operators, flags)
-        self._tokens = Tokens(self.source, flags.iso)
+        self._tokens = Tokens(self.source, flags)
         if text.startswith("#!"):
             self._tokens.offset = (text.find("\n") + 1) or len(text)
 
@@ -112,7 +113,7 @@ class Reader:
             PrologSyntaxError: the text up to the next end token is no term; the next call reads on behind it.
             StopIteration: there are no more terms.
         """
-        self._tokens.use_syntax(self._flags.iso)
+        self._tokens.follow(self._flags)
         tokens = self._tokens.clause()
         if tokens[-1][0] == EOF:
             if len(tokens) == 1:
@@ -135,7 +136,7 @@ def read_term(text: str, operators: Operators, flags: Flags, name: str = "user")
         PrologSyntaxError: the text is not exactly one term.
     """
     source = Source(text, name)
-    stream = Tokens(source, flags.iso)
+    stream = Tokens(source, flags)
     tokens = stream.clause()
     kind, word, start = tokens[-1]
     if len(tokens) == 1:
@@ -147,6 +148,15 @@ def read_term(text: str, operators: Operators, flags: Flags, name: str = "user")
     return _Parser(source, operators, flags).parse(tokens)
 
 
+def is_complete(text: str, flags: Flags) -> bool:
+    """Whether a text that is being typed holds a whole clause, or something that no more text can mend."""
+    try:
+        tokens = Tokens(Source(text, "user"), flags).clause()
+    except PrologSyntaxError as error:
+        return UNCLOSED_COMMENT not in error.message()
+    return tokens[-1][0] == END
+
+
 def parse_number(text: str, flags: Flags) -> int | float:
     """The number that a text denotes, with layout allowed before it and none behind it.
 
@@ -155,7 +165,7 @@ def parse_number(text: str, flags: Flags) -> int | float:
 
     Source: ISO 13211-1 8.16.7 (number_chars), 8.16.8 (number_codes).
     """
-    tokens = Tokens(Source(text, "number"), flags.iso).clause()
+    tokens = Tokens(Source(text, "number"), flags).clause()
     negative = tokens[0][0] in (SYMBOL, QUOTED) and tokens[0][1] == "-"
     if len(tokens) != 2 + negative or tokens[-1][0] != EOF:
         raise syntax_error("illegal number")

@@ -13,6 +13,7 @@ from functools import cache
 from typing import Final, NamedTuple, NoReturn
 
 from drlsl.logic.errors import PrologSyntaxError
+from drlsl.logic.flags import Flags
 from drlsl.logic.terms import Atom, Struct
 
 # The kinds of a token are the numbers of the groups of the expression below. A kind "open" is a name with the
@@ -109,21 +110,40 @@ class Source:
         )
 
 
+_LITERAL: Final = re.compile(
+    rf"0'(?:''|\\.|[^\\])|'(?:[^'\\]|''|{_ESCAPE})*'|\"(?:[^\"\\]|{_ESCAPE})*\"|`(?:[^`\\]|{_ESCAPE})*`|.",
+    re.DOTALL,
+)
+
+
+def _convert(text: str, conversions: dict[str, str]) -> str:
+    """The text with its unquoted characters converted, of the same length."""
+    return _LITERAL.sub(lambda match: conversions.get(match[0], match[0]), text)
+
+
 class Tokens:
     """The tokens of a text, one clause at a time."""
 
-    __slots__ = ("_iso", "_matches", "offset", "source")
+    __slots__ = ("_conversions", "_iso", "_matches", "_text", "offset", "source")
 
-    def __init__(self, source: Source, iso: bool) -> None:
+    def __init__(self, source: Source, flags: Flags) -> None:
         self.source = source
         self.offset = 0
-        self._iso = iso
+        self._iso = flags.iso
+        self._conversions: dict[str, str] = {}
+        self._text = source.text
         self._matches: Iterator[re.Match[str]] | None = None
+        self.follow(flags)
 
-    def use_syntax(self, iso: bool) -> None:
-        """Read on by ISO's syntax, or with the extensions of SWI-Prolog."""
-        if iso != self._iso:
-            self._iso, self._matches = iso, None
+    def follow(self, flags: Flags) -> None:
+        """Read on by what the flags say now: ISO's syntax or SWI-Prolog's, and conversions of characters."""
+        if flags.iso != self._iso:
+            self._iso, self._matches = flags.iso, None
+        active = flags.active_conversions
+        if active != self._conversions:
+            self._conversions, self._matches = dict(active), None
+            read, rest = self.source.text[: self.offset], self.source.text[self.offset :]
+            self._text = read + _convert(rest, active)
 
     def clause(self) -> list[Token]:
         """The tokens up to and with the next end or the end of the text.
@@ -132,7 +152,7 @@ class Tokens:
             PrologSyntaxError: text that is no token; the next call goes on behind the next end token.
         """
         if self._matches is None:
-            self._matches = token_pattern(self._iso).finditer(self.source.text, self.offset)
+            self._matches = token_pattern(self._iso).finditer(self._text, self.offset)
         tokens: list[Token] = []
         append, group = tokens.append, _TEXT_GROUP
         for match in self._matches:
@@ -153,7 +173,7 @@ class Tokens:
         text = self.source.text
         message, end = f"unexpected character {char!r}", start + 1
         if text.startswith("/*", start):
-            message, self.offset = "end of file in a block comment: expected */", len(text)
+            message, self.offset = UNCLOSED_COMMENT, len(text)
         else:
             if char in _REASONS:
                 message, end = _REASONS[char], _line_end(text, start)
@@ -163,6 +183,7 @@ class Tokens:
         raise self.source.error(message, start, end)
 
 
+UNCLOSED_COMMENT: Final = "end of file in a block comment: expected */"
 _REASONS: Final = {
     "'": "quoted atom is not closed on its line: expected '",
     '"': 'string is not closed on its line: expected "',

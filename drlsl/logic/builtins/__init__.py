@@ -1,5 +1,31 @@
 """The built-in predicates, one module for each family; importing this package fills the registry."""
 
-from drlsl.logic.builtins import arith, compare, control, database, lists, strings, syntax, text, types
+from drlsl.logic.builtins import (
+    arith,
+    compare,
+    control,
+    database,
+    formatting,
+    listing,
+    lists,
+    strings,
+    syntax,
+    termio,
+    text,
+    types,
+)
 
-__all__ = ["arith", "compare", "control", "database", "lists", "strings", "syntax", "text", "types"]
+__all__ = [
+    "arith",
+    "compare",
+    "control",
+    "database",
+    "formatting",
+    "listing",
+    "lists",
+    "strings",
+    "syntax",
+    "termio",
+    "text",
+    "types",
+]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from drlsl.logic.builtins.arguments import items, prefix
+from drlsl.logic.builtins.arguments import attempt, items, prefix
 from drlsl.logic.builtins.registry import Machine, det, nondet
 from drlsl.logic.builtins.text import any_text, is_code, number_text, sub_text
 from drlsl.logic.errors import PrologSyntaxError, domain_error, instantiation_error, type_error
@@ -146,9 +146,8 @@ def _concat(
             continue
         if not _is_free(second) and _atomic_text(second) != right:
             continue
-        if (not _is_free(first) or machine.unify(first, make(left))) and (
-            not _is_free(second) or machine.unify(second, make(right))
-        ):
+        parts = (make(left) if _is_free(first) else first, make(right) if _is_free(second) else second)
+        if attempt(machine, Struct("-", (first, second)), Struct("-", parts)):
             yield cut == len(characters)
 
 

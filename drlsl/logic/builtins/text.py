@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from drlsl.logic.builtins.arguments import prefix
+from drlsl.logic.builtins.arguments import attempt, prefix
 from drlsl.logic.builtins.registry import Machine, det, nondet
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
 from drlsl.logic.reader import parse_number
@@ -85,8 +85,9 @@ def concat(
         if text.endswith(right) and machine.unify(first, make(text[: len(text) - len(right)])):
             yield True
     else:
+        both = Struct("-", (first, second))
         for cut in range(len(text) + 1):
-            if machine.unify(first, make(text[:cut])) and machine.unify(second, make(text[cut:])):
+            if attempt(machine, both, Struct("-", (make(text[:cut]), make(text[cut:])))):
                 yield cut == len(text)
 
 
@@ -109,22 +110,15 @@ def sub_text(
     known = optional_text(machine, sub)
     sizes = _size(before), _size(length), _size(after)
     _not_negative(*sizes)
-
-    def unify(start: int, end: int) -> bool:
-        return (
-            machine.unify(before, start)
-            and machine.unify(length, end - start)
-            and machine.unify(after, len(text) - end)
-            and (known is not None or machine.unify(sub, make(text[start:end])))
-        )
-
+    pattern = Struct("sub", (before, length, after, sub))
     places = _places(text, known, *sizes)
     place = next(places, None)
     while place is not None:
-        following = next(places, None)
-        if unify(*place):
-            yield following is None
-        place = following
+        start, end = place
+        place = next(places, None)
+        part = sub if known is not None else make(text[start:end])
+        if attempt(machine, pattern, Struct("sub", (start, end - start, len(text) - end, part))):
+            yield place is None
 
 
 def _places(
@@ -133,10 +127,10 @@ def _places(
     """Start and end of each part that fits what is known, in order."""
     total = len(text)
     if known is not None:
-        start = text.find(known)
+        start = text.find(known) if before is None else before if text.startswith(known, before) else -1
         while start >= 0:
             yield start, start + len(known)
-            start = text.find(known, start + 1)
+            start = text.find(known, start + 1) if before is None else -1
         return
     if before is not None and length is None and after is not None:
         length = total - before - after

@@ -1,0 +1,236 @@
+"""format/1, 2, 3: text from a template, with columns. Source: the manual of SWI-Prolog, section 4.32.2."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from drlsl.logic.arithmetic import evaluate
+from drlsl.logic.builtins.arguments import prefix
+from drlsl.logic.builtins.registry import Machine, det
+from drlsl.logic.builtins.strings import text
+from drlsl.logic.builtins.termio import emit, output_stream, pending_line, sink_maker
+from drlsl.logic.builtins.text import any_text
+from drlsl.logic.errors import PrologError, existence_error
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.writer import format_integer, format_term
+
+_DIRECTIVE = re.compile(r"~(?:(\*)|`([\s\S])|([0-9]+))?([\s\S]?)")
+_DIGITS = "0123456789abcdefghijklmnopqrstuvwxyz"
+
+
+@det("format", 1)
+def format_1(machine: Machine, template: Term) -> bool:
+    return format_2(machine, template, NIL)
+
+
+@det("format", 2)
+def format_2(machine: Machine, template: Term, arguments: Term) -> bool:
+    start = pending_line(machine, machine.output)
+    return emit(machine, formatted(machine, template, arguments, len(start)))
+
+
+@det("format", 3)
+def format_3(machine: Machine, sink: Term, template: Term, arguments: Term) -> bool:
+    target = deref(sink)
+    if isinstance(target, Struct):
+        make = sink_maker(target)
+        return machine.unify(target.args[0], make(formatted(machine, template, arguments, 0)))
+    stream = output_stream(machine, target)
+    return emit(machine, formatted(machine, template, arguments, len(pending_line(machine, stream))), stream)
+
+
+def formatted(machine: Machine, template: Term, arguments: Term, column: int) -> str:
+    """The text of a template with its arguments, for output that begins at a column."""
+    elements, tail = prefix(arguments)
+    given = elements if tail is NIL else [arguments]
+    return _Format(machine, given, column).run(text(template))
+
+
+def _format_error(message: str) -> PrologError:
+    return PrologError(Struct("error", (Struct("format", (message,)), Var())))
+
+
+class _Format:
+    """One run over a template: the text so far, and the stops and fill points of the current column."""
+
+    def __init__(self, machine: Machine, arguments: list[Term], column: int) -> None:
+        self.machine = machine
+        self.arguments = arguments
+        self.used = 0
+        self.done: list[str] = []  # text before the current column segment
+        self.segment = ""
+        self.fills: list[tuple[int, str]] = []  # where in the segment to pad, and with what
+        self.start = column  # the column at which the segment begins
+        self.last_stop = column
+
+    def run(self, template: str) -> str:
+        end = 0
+        for match in _DIRECTIVE.finditer(template):
+            self._put(template[end : match.start()])
+            end = match.end()
+            self._directive(match)
+        self._put(template[end:])
+        if self.used < len(self.arguments):
+            raise _format_error("too many arguments")
+        return "".join(self.done) + self.segment
+
+    def _put(self, piece: str) -> None:
+        if "\n" in piece:
+            before, _, piece = piece.rpartition("\n")
+            self.done.append(self.segment + before + "\n")
+            self.segment, self.fills, self.start, self.last_stop = "", [], 0, 0
+        self.segment += piece
+
+    def _next(self) -> Term:
+        if self.used >= len(self.arguments):
+            raise _format_error("not enough arguments")
+        self.used += 1
+        return deref(self.arguments[self.used - 1])
+
+    def _directive(self, match: re.Match[str]) -> None:
+        star, fill, digits, letter = match.groups()
+        count: int | None = ord(fill) if fill else int(digits) if digits else None
+        if star:
+            value = self._next()
+            if not isinstance(value, int) or value < 0:
+                raise _format_error("no or negative integer for `*' argument")
+            count = value
+        if letter in "|+":
+            self._stop(letter, count)
+        elif letter == "t":
+            self.fills.append((len(self.segment), chr(count) if count is not None else " "))
+        elif letter in _PLAIN:
+            self._put(_PLAIN[letter] * (1 if count is None else count))
+        elif letter == "i":
+            self._next()
+        elif letter in _CONVERSIONS:
+            self._put(_CONVERSIONS[letter](self.machine, self._next(), count))
+        else:
+            raise existence_error("format_character", Atom(letter))
+
+    def _stop(self, letter: str, count: int | None) -> None:
+        """A column stop: pad the segment before it up to the column."""
+        here = self.start + len(self.segment)
+        if letter == "+":
+            column = self.last_stop + (8 if count is None else count)
+        else:
+            column = here if count is None else count
+        missing = column - here
+        if missing > 0:
+            self.segment = _padded(self.segment, self.fills or [(len(self.segment), " ")], missing)
+        self.done.append(self.segment)
+        self.start = self.start + len(self.segment)
+        self.last_stop = max(column, self.start) if letter == "+" else self.start
+        self.segment, self.fills = "", []
+
+
+_PLAIN = {"~": "~", "n": "\n"}
+
+
+def _padded(segment: str, fills: list[tuple[int, str]], missing: int) -> str:
+    """The segment with `missing` characters spread over its fill points, the rest at the last one."""
+    share, rest = divmod(missing, len(fills))
+    pieces: list[str] = []
+    end = 0
+    for number, (place, char) in enumerate(fills):
+        pieces += (segment[end:place], char * (share + (rest if number == len(fills) - 1 else 0)))
+        end = place
+    return "".join(pieces) + segment[end:]
+
+
+def _argument_error(letter: str, value: Term) -> PrologError:
+    return PrologError(Struct("error", (Struct("format_argument_type", (Atom(letter), value)), Var())))
+
+
+def _integer(letter: str, value: Term) -> int:
+    if isinstance(value, int):
+        return value
+    raise _argument_error(letter, value)
+
+
+def _write(machine: Machine, value: Term, _count: int | None) -> str:
+    return format_term(value, machine.operators, numbervars=True)
+
+
+def _writeq(machine: Machine, value: Term, _count: int | None) -> str:
+    return format_term(value, machine.operators, quoted=True, numbervars=True)
+
+
+def _atom(_machine: Machine, value: Term, _count: int | None) -> str:
+    if isinstance(value, (Struct, Var)):
+        raise _argument_error("a", value)
+    return "[]" if value is NIL else any_text(value) or ""
+
+
+def _string(_machine: Machine, value: Term, _count: int | None) -> str:
+    return text(value)
+
+
+def _codes(_machine: Machine, value: Term, count: int | None) -> str:
+    return chr(_integer("c", value)) * (1 if count is None else count)
+
+
+def _decimal(value: int, places: int | None, group: str) -> str:
+    digits = format_integer(abs(value))
+    fraction = ""
+    if places:
+        digits = digits.zfill(places + 1)
+        digits, fraction = digits[:-places], "." + digits[-places:]
+    if group:
+        digits = f"{int(digits):,}"
+    return ("-" if value < 0 else "") + digits + fraction
+
+
+def _integer_digits(_machine: Machine, value: Term, count: int | None) -> str:
+    return _decimal(_integer("d", value), count, "")
+
+
+def _grouped_digits(_machine: Machine, value: Term, count: int | None) -> str:
+    return _decimal(_integer("D", value), count, ",")
+
+
+def _float(letter: str) -> Callable[[Machine, Term, int | None], str]:
+    def convert(machine: Machine, value: Term, count: int | None) -> str:
+        number = evaluate(value, machine)
+        places = 6 if count is None else count
+        if isinstance(number, int) and letter == "f":
+            return _exact(number, places)
+        return f"{number:.{places}{letter}}" if letter != "g" else f"{number:g}"
+
+    return convert
+
+
+def _exact(number: int, places: int) -> str:
+    return format_integer(number) + ("." + "0" * places if places else "")
+
+
+def _radix(upper: bool) -> Callable[[Machine, Term, int | None], str]:
+    def convert(_machine: Machine, value: Term, count: int | None) -> str:
+        number = _integer("r", value)
+        if count is None or not 2 <= count <= 36:
+            raise _format_error("~r needs a radix from 2 to 36")
+        digits, rest = "", abs(number)
+        while rest or not digits:
+            rest, digit = divmod(rest, count)
+            digits = _DIGITS[digit] + digits
+        return ("-" if number < 0 else "") + (digits.upper() if upper else digits)
+
+    return convert
+
+
+_CONVERSIONS: dict[str, Callable[[Machine, Term, int | None], str]] = {
+    "w": _write,
+    "p": _writeq,
+    "q": _writeq,
+    "a": _atom,
+    "s": _string,
+    "c": _codes,
+    "d": _integer_digits,
+    "D": _grouped_digits,
+    "e": _float("e"),
+    "f": _float("f"),
+    "g": _float("g"),
+    "r": _radix(upper=False),
+    "R": _radix(upper=True),
+}

@@ -1,0 +1,186 @@
+"""portray_clause/1 and listing/0, 1: clauses laid out as a person would write them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drlsl.logic.builtins.arguments import prefix
+from drlsl.logic.builtins.registry import Machine, det
+from drlsl.logic.builtins.termio import emit, output_stream
+from drlsl.logic.errors import instantiation_error, type_error
+from drlsl.logic.operators import Operators
+from drlsl.logic.program import Predicate
+from drlsl.logic.terms import NIL, TRUE, Atom, Struct, Term, Var, deref
+from drlsl.logic.unify import copy_term, term_variables
+from drlsl.logic.writer import format_atom, format_term
+
+_INDENT = "    "
+_BRANCHES = {";": ";   ", "->": "->  ", "*->": "*-> ", "|": "|   "}
+
+
+def portrayed(term: Term, operators: Operators) -> str:
+    """The text of a clause, with variables named ``A``, ``B`` ... and ``_`` where they appear once."""
+    term = copy_term(term)
+    return _Layout(term, operators).clause(term)
+
+
+class _Layout:
+    def __init__(self, term: Term, operators: Operators) -> None:
+        self.operators = operators
+        self.names = _variable_names(term)
+
+    def clause(self, term: Term) -> str:
+        term = deref(term)
+        if isinstance(term, Struct) and term.name == ":-" and len(term.args) == 2:
+            head, body = term.args
+            if deref(body) is TRUE:
+                return self._end(self._goal(head, 1199))
+            return self._end(f"{self._goal(head, 1199)} :-{self._body(body, 1)}")
+        if isinstance(term, Struct) and term.name == ":-" and len(term.args) == 1:
+            return self._end(f":- {self._goal(term.args[0], 1199)}")
+        return self._end(self._goal(term, 1200))
+
+    @staticmethod
+    def _end(text: str) -> str:
+        return text + (" .\n" if text[-1:] in "#$&*+-./:<=>?@^~\\" else ".\n")
+
+    def _goal(self, goal: Term, priority: int) -> str:
+        return format_term(
+            goal,
+            self.operators,
+            quoted=True,
+            numbervars=True,
+            spacing=True,
+            variable_names=self.names,
+            priority=priority,
+        )
+
+    def _body(self, body: Term, depth: int) -> str:
+        """The goals of a conjunction, each on a line of its own."""
+        margin = "\n" + _INDENT * depth
+        return ",".join(margin + self._control(goal, depth) for goal in _conjuncts(body))
+
+    def _control(self, goal: Term, depth: int) -> str:
+        goal = deref(goal)
+        if isinstance(goal, Struct) and len(goal.args) == 2 and goal.name in _BRANCHES:
+            margin = "\n" + _INDENT * depth
+            return "(   " + self._block(goal, depth) + margin + ")"
+        if isinstance(goal, Struct) and goal.name == "\\+" and len(goal.args) == 1:
+            inner = deref(goal.args[0])
+            if isinstance(inner, Struct) and len(inner.args) == 2 and inner.name in (",", *_BRANCHES):
+                return "\\+ ( " + self._block(inner, depth).lstrip() + "\n" + _INDENT * depth + "   )"
+        return self._goal(goal, 999)
+
+    def _block(self, goal: Term, depth: int) -> str:
+        """A disjunction or condition whose parts begin in the column after the bracket."""
+        margin = "\n" + _INDENT * depth
+        text, goal = "", deref(goal)
+        while isinstance(goal, Struct) and goal.name in _BRANCHES and len(goal.args) == 2:
+            left, right = goal.args
+            text += self._part(left, goal.name, depth) + margin + _BRANCHES[goal.name]
+            goal = deref(right)
+        return text + self._conjunction(goal, depth)
+
+    def _part(self, goal: Term, operator: str, depth: int) -> str:
+        goal = deref(goal)
+        if operator != ";" or not (isinstance(goal, Struct) and goal.name in ("->", "*->")):
+            return self._conjunction(goal, depth)
+        margin = "\n" + _INDENT * depth
+        condition, then = goal.args
+        return (
+            self._conjunction(condition, depth)
+            + margin
+            + _BRANCHES[goal.name]
+            + self._conjunction(then, depth)
+        )
+
+    def _conjunction(self, goal: Term, depth: int) -> str:
+        margin = ",\n" + _INDENT * (depth + 1)
+        return margin.join(self._control(part, depth + 1) for part in _conjuncts(goal))
+
+
+def _conjuncts(goal: Term) -> Iterator[Term]:
+    goal = deref(goal)
+    while isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
+        yield goal.args[0]
+        goal = deref(goal.args[1])
+    yield goal
+
+
+def _variable_names(term: Term) -> dict[int, str]:
+    counts: dict[int, int] = {}
+    todo = [term]
+    while todo:
+        part = deref(todo.pop())
+        if isinstance(part, Var):
+            counts[id(part)] = counts.get(id(part), 0) + 1
+        elif isinstance(part, Struct):
+            todo.extend(part.args)
+    names: dict[int, str] = {}
+    number = 0
+    for variable in term_variables(term):
+        if counts[id(variable)] == 1:
+            names[id(variable)] = "_"
+            continue
+        names[id(variable)] = chr(65 + number % 26) + (str(number // 26) if number > 25 else "")
+        number += 1
+    return names
+
+
+@det("portray_clause", 1)
+def portray_clause(machine: Machine, term: Term) -> bool:
+    return emit(machine, portrayed(term, machine.operators))
+
+
+@det("portray_clause", 2)
+def portray_clause_to(machine: Machine, stream: Term, term: Term) -> bool:
+    return emit(machine, portrayed(term, machine.operators), output_stream(machine, stream))
+
+
+@det("listing", 0)
+def listing_all(machine: Machine) -> bool:
+    """Every predicate of the program that has clauses or is dynamic."""
+    for predicate in list(machine.program.predicates.values()):
+        if predicate.defined:
+            emit(machine, _listed(machine, predicate))
+    return True
+
+
+@det("listing", 1)
+def listing(machine: Machine, what: Term) -> bool:
+    """The clauses of a name, of ``Name/Arity``, or of each of a list of them."""
+    what = deref(what)
+    elements, tail = prefix(what)
+    if elements and tail is NIL:
+        return all(listing(machine, element) for element in elements)
+    name, arity = _wanted(what)
+    for predicate in list(machine.program.predicates.values()):
+        if predicate.defined and predicate.name == name and arity in (None, predicate.arity):
+            emit(machine, _listed(machine, predicate))
+    return True
+
+
+def _wanted(what: Term) -> tuple[str, int | None]:
+    if isinstance(what, Var):
+        raise instantiation_error()
+    if isinstance(what, Atom):
+        return what.name, None
+    if isinstance(what, Struct) and what.name == "/" and len(what.args) == 2:
+        name, arity = deref(what.args[0]), deref(what.args[1])
+        if isinstance(name, Var) or isinstance(arity, Var):
+            raise instantiation_error()
+        if isinstance(name, Atom) and isinstance(arity, int):
+            return name.name, arity
+    raise type_error("predicate_indicator", what)
+
+
+def _listed(machine: Machine, predicate: Predicate) -> str:
+    text = ""
+    if predicate.dynamic:
+        text = f":- dynamic {format_atom(predicate.name)}/{predicate.arity}.\n\n"
+    if predicate.rows is not None:
+        facts = [Struct(predicate.name, row) if row else Atom(predicate.name) for row in predicate.rows]
+        return text + "".join(portrayed(fact, machine.operators) for fact in facts) + "\n"
+    for clause in predicate.clauses:
+        text += portrayed(Struct(":-", (clause.head, clause.body)), machine.operators)
+    return text + "\n"

@@ -1,0 +1,416 @@
+"""Characters and terms out and in: the standard streams and text in memory.
+
+An engine opens no files: its streams are ``user_output`` (the machine's output), ``user_error`` and
+``user_input``. Source: ISO 13211-1 8.11 to 8.14.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Sequence
+from typing import Any, TextIO
+
+from drlsl.logic.arithmetic import evaluate
+from drlsl.logic.builtins.arguments import not_negative, prefix
+from drlsl.logic.builtins.registry import Machine, control, det
+from drlsl.logic.builtins.text import is_character
+from drlsl.logic.errors import (
+    domain_error,
+    existence_error,
+    instantiation_error,
+    permission_error,
+    type_error,
+)
+from drlsl.logic.flags import Flags
+from drlsl.logic.operators import Operators
+from drlsl.logic.reader import Reader, ReadTerm, is_complete
+from drlsl.logic.solver import FAIL, Task, cut
+from drlsl.logic.solver import Machine as Solver
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import term_variables
+from drlsl.logic.writer import format_term
+
+END_OF_FILE = Atom("end_of_file")
+_OUTPUTS = frozenset({"user_output", "current_output", "user_error"})
+_INPUTS = frozenset({"user_input", "current_input"})
+
+
+# Output streams.
+
+
+def output_stream(machine: Machine, stream: Term) -> TextIO:
+    """The stream that an alias stands for."""
+    name = _alias(stream)
+    if name in _INPUTS:
+        raise permission_error("output", "stream", deref(stream))
+    return sys.stderr if name == "user_error" else machine.output
+
+
+def _alias(stream: Term) -> str:
+    stream = deref(stream)
+    if isinstance(stream, Var):
+        raise instantiation_error()
+    if not isinstance(stream, Atom):
+        raise domain_error("stream_or_alias", stream)
+    if stream.name not in _OUTPUTS | _INPUTS:
+        raise existence_error("stream", stream)
+    return stream.name
+
+
+def emit(machine: Machine, text: str, stream: TextIO | None = None) -> bool:
+    """Write text and remember its last line, which column stops of format/2 count from."""
+    target = machine.output if stream is None else stream
+    target.write(text)
+    line = text.rpartition("\n")[2]
+    if "\n" not in text:
+        line = pending_line(machine, target) + line
+    machine.state["line"] = target, line
+    return True
+
+
+def pending_line(machine: Machine, stream: TextIO) -> str:
+    """What has been written to a stream since its last newline, where that is known."""
+    known: tuple[TextIO, str] | None = machine.state.get("line")
+    return known[1] if known is not None and known[0] is stream else ""
+
+
+@det("current_output", 1)
+def current_output(machine: Machine, stream: Term) -> bool:
+    return _current(machine, stream, "user_output")
+
+
+@det("current_input", 1)
+def current_input(machine: Machine, stream: Term) -> bool:
+    return _current(machine, stream, "user_input")
+
+
+def _current(machine: Machine, stream: Term, name: str) -> bool:
+    known = deref(stream)
+    if not isinstance(known, (Var, Atom)):
+        raise domain_error("stream", known)
+    return machine.unify(stream, Atom(name))
+
+
+@det("flush_output", 0)
+def flush_output(machine: Machine) -> bool:
+    machine.output.flush()
+    return True
+
+
+@det("flush_output", 1)
+def flush_stream(machine: Machine, stream: Term) -> bool:
+    output_stream(machine, stream).flush()
+    return True
+
+
+@det("nl", 0)
+def nl(machine: Machine) -> bool:
+    return emit(machine, "\n")
+
+
+@det("nl", 1)
+def nl_to(machine: Machine, stream: Term) -> bool:
+    return emit(machine, "\n", output_stream(machine, stream))
+
+
+@det("put_char", 1)
+def put_char(machine: Machine, char: Term) -> bool:
+    return emit(machine, _character(char))
+
+
+@det("put_char", 2)
+def put_char_to(machine: Machine, stream: Term, char: Term) -> bool:
+    return emit(machine, _character(char), output_stream(machine, stream))
+
+
+def _character(char: Term) -> str:
+    char = deref(char)
+    if isinstance(char, Var):
+        raise instantiation_error()
+    if not is_character(char):
+        raise type_error("character", char)
+    return char.name if isinstance(char, Atom) else ""
+
+
+@det("tab", 1)
+def tab(machine: Machine, count: Term) -> bool:
+    return emit(machine, " " * not_negative(evaluate(count, machine)))
+
+
+@det("tab", 2)
+def tab_to(machine: Machine, stream: Term, count: Term) -> bool:
+    return emit(machine, " " * not_negative(evaluate(count, machine)), output_stream(machine, stream))
+
+
+# Terms out.
+
+
+def _declare_write(name: str, newline: bool = False, **style: Any) -> None:
+    end = "\n" if newline else ""
+
+    @det(name, 1)
+    def write(machine: Machine, term: Term) -> bool:
+        return emit(machine, format_term(term, machine.operators, **style) + end)
+
+    @det(name, 2)
+    def write_to(machine: Machine, stream: Term, term: Term) -> bool:
+        target = output_stream(machine, stream)
+        return emit(machine, format_term(term, machine.operators, **style) + end, target)
+
+
+_declare_write("write", numbervars=True)
+_declare_write("print", quoted=True, numbervars=True)
+_declare_write("writeln", newline=True, numbervars=True)
+_declare_write("writeq", quoted=True, numbervars=True)
+
+
+def canonical(term: Term, operators: Operators) -> str:
+    """A term as write_canonical/1 writes it: no operators, and variables named ``_1``, ``_2`` in order."""
+    names = {id(variable): f"_{number}" for number, variable in enumerate(term_variables(term), 1)}
+    return format_term(term, operators, quoted=True, ignore_ops=True, variable_names=names)
+
+
+@det("write_canonical", 1)
+def write_canonical(machine: Machine, term: Term) -> bool:
+    return emit(machine, canonical(term, machine.operators))
+
+
+@det("write_canonical", 2)
+def write_canonical_to(machine: Machine, stream: Term, term: Term) -> bool:
+    return emit(machine, canonical(term, machine.operators), output_stream(machine, stream))
+
+
+@det("write_term", 2)
+def write_term(machine: Machine, term: Term, options: Term) -> bool:
+    """Source: ISO 13211-1 8.14.2 with Cor.3."""
+    return emit(machine, _with_options(machine, term, options))
+
+
+@det("write_term", 3)
+def write_term_to(machine: Machine, stream: Term, term: Term, options: Term) -> bool:
+    target = output_stream(machine, stream)
+    return emit(machine, _with_options(machine, term, options), target)
+
+
+_WRITE_SWITCHES = frozenset({"quoted", "ignore_ops", "numbervars"})
+_WRITE_ENDS = {"fullstop": ".", "nl": "\n"}
+_IGNORED_SWITCHES = frozenset(
+    {"portray", "portrayed", "cycles", "attributes", "character_escapes", "dotlists"}
+)
+
+
+def _with_options(machine: Machine, term: Term, options: Term) -> str:
+    style: dict[str, Any] = {}
+    ends: dict[str, str] = {}
+    for option in option_list(options):
+        _read_write_option(option, style, ends)
+    text = format_term(term, machine.operators, **style)
+    if "fullstop" in ends:
+        text += " ." if text[-1:] in "#$&*+-./:<=>?@^~\\" else "."
+    return text + ends.get("nl", "")
+
+
+def option_list(options: Term) -> list[Term]:
+    """The elements of a list of options, none of them a variable."""
+    elements, tail = prefix(options)
+    dereferenced = [deref(element) for element in elements]
+    if isinstance(tail, Var) or any(isinstance(element, Var) for element in dereferenced):
+        raise instantiation_error()
+    if tail is not NIL:
+        raise type_error("list", deref(options))
+    return dereferenced
+
+
+def _read_write_option(option: Term, style: dict[str, Any], ends: dict[str, str]) -> None:
+    """Put what one option of write_term/2 says into `style` or `ends`."""
+    if not isinstance(option, Struct) or len(option.args) != 1:
+        raise domain_error("write_option", option)
+    name, value = option.name, deref(option.args[0])
+    if isinstance(value, Var):
+        raise instantiation_error()
+    truth = {"true": True, "false": False}.get(value.name) if isinstance(value, Atom) else None
+    if name in _WRITE_SWITCHES and truth is not None:
+        style[name] = truth
+    elif name in _WRITE_ENDS and truth is not None:
+        if truth:
+            ends[name] = _WRITE_ENDS[name]
+    elif name == "variable_names":
+        style["variable_names"] = _variable_names(option, value)
+    elif name == "max_depth" and isinstance(value, int):
+        style["max_depth"] = value
+    elif name == "priority" and isinstance(value, int):
+        style["priority"] = value
+    elif name == "spacing" and isinstance(value, Atom) and value.name in ("standard", "next_argument"):
+        style["spacing"] = value.name == "next_argument"
+    elif not (name in _IGNORED_SWITCHES and truth is not None):
+        raise domain_error("write_option", option)
+
+
+def _variable_names(option: Term, value: Term) -> dict[int, str]:
+    """The names of a variable_names option; the first name given to a variable counts."""
+    elements, tail = prefix(value)
+    if isinstance(tail, Var):
+        raise instantiation_error()
+    names: dict[int, str] = {}
+    for element in elements:
+        element = deref(element)
+        if isinstance(element, Var):
+            raise instantiation_error()
+        if not isinstance(element, Struct) or element.name != "=" or len(element.args) != 2:
+            raise domain_error("write_option", option)
+        name, variable = deref(element.args[0]), deref(element.args[1])
+        if isinstance(name, Var):
+            raise instantiation_error()
+        if not isinstance(name, Atom):
+            raise domain_error("write_option", option)
+        if isinstance(variable, Var):
+            names.setdefault(id(variable), name.name)
+    if tail is not NIL:
+        raise domain_error("write_option", option)
+    return names
+
+
+@control("with_output_to", 2)
+def with_output_to(machine: Solver, args: Sequence[Term], continuation: Task) -> Task:
+    """Prove a goal once and unify the sink with what it wrote."""
+    sink, goal = deref(args[0]), args[1]
+    make = sink_maker(sink)
+    before, buffer = machine.output, io.StringIO()
+    machine.trail_call(lambda: setattr(machine, "output", before))
+    machine.output = buffer
+    return machine.call(goal, (_end_output, sink, make, buffer, before, len(machine.choices), continuation))
+
+
+def _end_output(machine: Solver, task: Task) -> Task:
+    _, sink, make, buffer, before, height, continuation = task
+    cut(machine.choices, height)
+    machine.output = before
+    if not machine.unify(sink.args[0], make(buffer.getvalue())):
+        return FAIL
+    next_task: Task = continuation
+    return next_task
+
+
+def sink_maker(sink: Term) -> Any:
+    """How a sink such as ``atom(A)`` turns text into a term."""
+    if isinstance(sink, Var):
+        raise instantiation_error()
+    if not isinstance(sink, Struct) or len(sink.args) != 1 or sink.name not in _SINKS:
+        raise domain_error("output_sink", sink)
+    return _SINKS[sink.name]
+
+
+_SINKS: dict[str, Any] = {
+    "atom": Atom,
+    "string": str,
+    "codes": lambda text: make_list([ord(char) for char in text]),
+    "chars": lambda text: make_list([Atom(char) for char in text]),
+}
+
+
+# Terms and characters in.
+
+
+class Input:
+    """What is left of a stream that terms and characters are read from."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+        self.rest = ""
+
+    def peek(self) -> str:
+        """The next character, or the empty string at the end."""
+        if not self.rest:
+            self.rest = self.stream.readline()
+        return self.rest[:1]
+
+    def take(self) -> str:
+        """Remove and return the next character."""
+        char = self.peek()
+        self.rest = self.rest[1:]
+        return char
+
+    def read(self, operators: Operators, flags: Flags) -> ReadTerm | None:
+        """The next term, or None at the end of the stream."""
+        while not is_complete(self.rest, flags):
+            line = self.stream.readline()
+            if not line:
+                break
+            self.rest += line
+        reader = Reader(self.rest, operators, flags, "user_input")
+        try:
+            return next(reader, None)
+        finally:
+            self.rest = self.rest[reader.offset :]
+
+
+def _input(machine: Machine, stream: Term | None = None) -> Input:
+    if stream is not None and _alias(stream) in _OUTPUTS:
+        raise permission_error("input", "stream", deref(stream))
+    known: Input | None = machine.state.get("input")
+    if known is None:
+        known = machine.state["input"] = Input(sys.stdin)
+    return known
+
+
+def _declare_read(name: str, arity: int) -> None:
+    @det(name, arity)
+    def read(machine: Machine, term: Term, options: Term = NIL) -> bool:
+        return _read(machine, _input(machine), term, options)
+
+    @det(name, arity + 1)
+    def read_from(machine: Machine, stream: Term, term: Term, options: Term = NIL) -> bool:
+        return _read(machine, _input(machine, stream), term, options)
+
+
+def _read(machine: Machine, source: Input, term: Term, options: Term) -> bool:
+    """Source: ISO 13211-1 8.14.1."""
+    wanted = option_list(options)
+    for option in wanted:
+        if not isinstance(option, Struct) or len(option.args) != 1 or option.name not in _READ_OPTIONS:
+            raise domain_error("read_option", option)
+    found = source.read(machine.operators, machine.flags)
+    if found is None:
+        return machine.unify(term, END_OF_FILE)
+    return machine.unify(term, found.term) and all(
+        machine.unify(option.args[0], _READ_OPTIONS[option.name](found))
+        for option in wanted
+        if isinstance(option, Struct)
+    )
+
+
+def _named(found: ReadTerm, names: Sequence[str]) -> Term:
+    return make_list([Struct("=", (Atom(name), found.variables[name])) for name in names])
+
+
+_READ_OPTIONS: dict[str, Any] = {
+    "variables": lambda found: make_list(term_variables(found.term)),
+    "variable_names": lambda found: _named(found, list(found.variables)),
+    "singletons": lambda found: _named(found, found.singletons),
+}
+
+_declare_read("read", 1)
+_declare_read("read_term", 2)
+
+
+def _declare_character(name: str, take: bool, code: bool) -> None:
+    def next_term(source: Input) -> Term:
+        char = source.take() if take else source.peek()
+        if not char:
+            return -1 if code else END_OF_FILE
+        return ord(char) if code else Atom(char)
+
+    @det(name, 1)
+    def get(machine: Machine, char: Term) -> bool:
+        return machine.unify(char, next_term(_input(machine)))
+
+    @det(name, 2)
+    def get_from(machine: Machine, stream: Term, char: Term) -> bool:
+        return machine.unify(char, next_term(_input(machine, stream)))
+
+
+_declare_character("get_char", take=True, code=False)
+_declare_character("peek_char", take=False, code=False)
+_declare_character("get_code", take=True, code=True)
+_declare_character("peek_code", take=False, code=True)
