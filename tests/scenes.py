@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from drlsl.driving.control import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene import EGO, Road, Scene, Vehicle
 from drlsl.traffic.road import Direction, Lane
 
@@ -52,7 +52,7 @@ def roads(draw: st.DrawFn) -> Road:
 
 @st.composite
 def vehicles(draw: st.DrawFn, name: str, on: Road, ego: Vehicle) -> Vehicle:
-    """A vehicle near the ego: anywhere, bumper to bumper, at the same place, or exactly at the end of the radar range."""
+    """A vehicle near the ego: anywhere, bumper to bumper, at the same place, or at the end of the range."""
     lane = draw(st.sampled_from(on.lanes))
     length = draw(st.sampled_from([4.0, 4.6, 12.0]))
     touching = (ego.length + length) / 2

@@ -1,1 +1,58 @@
 """The command line: `drlsl train`, `drlsl query` and the rest."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+
+from drlsl.cli import evaluate, query, stress, train
+from drlsl.errors import UserError
+from drlsl.logic import PrologError
+
+CLICK_ERROR: Any = typer.BadParameter.__mro__[2]
+"""ClickException, the base of everything that a command line can get wrong; Typer does not export it."""
+
+app = typer.Typer(
+    name="drlsl",
+    help="Safe reinforcement learning for highway driving, shielded by readable Prolog rules.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+app.command()(train.train)
+app.command("eval")(evaluate.evaluate)
+app.command()(query.query)
+app.command()(stress.stress)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0, or 2 after one line on stderr that says what to put right."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    command = typer.main.get_command(app)
+    try:
+        status = command.main(args=arguments, prog_name="drlsl", standalone_mode=False)
+    except CLICK_ERROR as error:
+        context = getattr(error, "ctx", None)
+        return _refuse(
+            f"{error.format_message()} See '{context.command_path if context else 'drlsl'} --help'."
+        )
+    except UserError as error:
+        return _refuse(str(error))
+    except PrologError as error:
+        return _refuse(str(error).splitlines()[0])
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
+    return status if isinstance(status, int) else 0
+
+
+def _refuse(message: str) -> int:
+    print(f"drlsl: {message}", file=sys.stderr)
+    return 2

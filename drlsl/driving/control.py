@@ -8,22 +8,15 @@ from typing import Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT
+
 Floats: TypeAlias = npt.NDArray[np.float64]
-
-ACCELERATION_LIMIT: Final = 3.0
-"""The hardest the ego can speed up [m/s²]."""
-
-BRAKING_LIMIT: Final = 8.0
-"""The hardest the ego can brake [m/s²]: a dry road's full braking."""
 
 LATERAL_ACCELERATION_LIMIT: Final = 3.0
 """The hardest the ego can move sideways [m/s²]."""
 
 LATERAL_SPEED_LIMIT: Final = 1.8
 """The fastest the ego moves sideways [m/s]; a lane change of 3.5 m takes about 3 s."""
-
-CENTRE_TOLERANCE: Final = 0.4
-"""Offset from the target lane's centre [m] up to which the ego takes up a new lane change."""
 
 SPEED_INTEGRAL_GAIN: Final = 0.1
 """Integral gain of the speed controller [1/s²]."""

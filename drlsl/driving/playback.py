@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.driving.control import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.fault import Track
+from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene import Road
 from drlsl.traffic.recording import Recording
 from drlsl.traffic.road import Direction, Lane

@@ -15,7 +15,7 @@ SECTIONS: Final = ("front", "front_right", "right", "back_right", "back", "back_
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """One reason against an action; `vehicle`, `gap` and `needed` [m] are given where a vehicle is the reason."""
+    """One reason against an action, with `vehicle`, `gap` and `needed` [m] where a vehicle is the reason."""
 
     reason: str
     vehicle: str | None = None
@@ -39,7 +39,8 @@ class BusySection:
 def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
     """For every action that `decision` does not offer, what speaks against it, nearest vehicle first.
 
-    Asks `objection(Action, Reason)` about the scene that was decided last; a program that does not define it gives no reasons.
+    Asks `objection(Action, Reason)` about the scene that was decided last; a program that does not define it
+    gives no reasons.
 
     Raises:
         PrologError: the rules raised an error.

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from drlsl.driving.control import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene import EGO, Road, Scene, Vehicle
 from drlsl.errors import UserError
 from drlsl.traffic.road import Direction, Lane

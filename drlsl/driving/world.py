@@ -12,9 +12,10 @@ import numpy.typing as npt
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.control import CENTRE_TOLERANCE, LaneController, SpeedController, move, move_forward
+from drlsl.driving.control import LaneController, SpeedController, move, move_forward
 from drlsl.driving.entry import Entry, find_entry
 from drlsl.driving.fault import Track, Verdict, judge
+from drlsl.driving.limits import CENTRE_TOLERANCE
 from drlsl.driving.playback import Playback
 from drlsl.driving.reward import reward_terms
 from drlsl.driving.scene import Scene
