@@ -63,7 +63,7 @@ def evaluate(
     """Drive greedily with a trained policy and count what happens.
 
     The same episodes are driven with the shield on and off. Interventions are steps in which the action of
-    highest value was not one the rules derive to be safe. The result is also kept in evaluation.json of the run.
+    highest value was not one the rules derive to be safe. The run's evaluation.json keeps the result too.
     """
     from rich.console import Console
 
@@ -105,7 +105,7 @@ def evaluate_run(
     console: Console,
     env_config: Mapping[str, Any] | None = None,
 ) -> list[dict[str, Any]]:
-    """Evaluate a run's policy in `env`, show the progress on a terminal, keep the result in the run folder."""
+    """Evaluate a run's policy in `env`, show progress on a terminal, keep the result in the run folder."""
     from rich.progress import Progress
 
     from drlsl.learning.evaluation import EVALUATION_KEY, as_record, drive
@@ -126,14 +126,16 @@ def evaluate_run(
 def evaluation_table(records: Sequence[Mapping[str, Any]]) -> Table:
     """The totals of evaluations in the same place as a table, one column for each."""
     from rich.table import Table
+    from rich.text import Text
 
     first = records[0]
     env = first["env"]
-    table = Table(title=f"{first['episodes']} episodes, {env['recording']}, {env['direction']}")
+    # Text throughout: Rich would take [m/s], or a bracket in a path, for markup.
+    table = Table(title=Text(f"{first['episodes']} episodes, {env['recording']}, {env['direction']}"))
     table.add_column("")
     for record in records:
         table.add_column(f"shield {record['shield']}", justify="right")
     for label, key, form in ROWS:
         values = (record["totals"][key] for record in records)
-        table.add_row(label, *("-" if value is None else format(value, form) for value in values))
+        table.add_row(Text(label), *("-" if value is None else format(value, form) for value in values))
     return table

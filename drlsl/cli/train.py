@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 import signal
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -81,8 +82,8 @@ def train(
 ) -> None:
     """Train an agent in recorded traffic.
 
-    Settings come from the preset, then --config, then --set, then the other flags; the later wins. Ctrl-C ends
-    the run with the episode in hand and a checkpoint; --resume goes on as if it had never stopped.
+    Settings come from the preset, then --config, then --set, then the other flags; the later wins. Ctrl-C
+    ends the run with the episode in hand and a checkpoint; --resume goes on as if it had never stopped.
     """
     flags = {
         "env.recording": recording,
@@ -175,21 +176,20 @@ def _train(session: Session) -> None:
     console = Console()
     root, config = session.folder.root, session.folder.config
     verb = "go on with" if session.trainer.episode else "start"
-    console.print(
-        f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}", highlight=False
-    )
+    typer.echo(f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}")
+    shown = shlex.quote(str(root))
     with _stop_on_signal(console) as stop:
         finished = _run(session, console, stop)
     if not finished:
         typer.echo(
-            f"stopped after episode {session.saved_episode}; go on with: drlsl train --out {root} --resume"
+            f"stopped after episode {session.saved_episode}; go on with: drlsl train --out {shown} --resume"
         )
         raise typer.Exit(128 + (stop.signal or signal.SIGINT))
     figures = session.draw_figures()
     typer.echo(f"{len(figures)} figures in {session.folder.figures}")
     _evaluate_briefly(session, console)
     typer.echo("next:")
-    typer.echo(f"  drlsl eval {root}")
+    typer.echo(f"  drlsl eval {shown}")
     typer.echo("  drlsl query --state examples/scene.json")
 
 

@@ -56,6 +56,7 @@ class Harmful:
         return (Path.touch, (self._mark,))
 
 
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
 @pytest.mark.parametrize("plain", [True, False])
 def test_a_harmful_file_runs_nothing(tmp_path: Path, plain: bool) -> None:
     path, mark = tmp_path / "state.pt", tmp_path / "mark"

@@ -1,0 +1,22 @@
+"""The command line with the fake environment, slowed down, as a process of its own that can be stopped."""
+
+import sys
+import time
+
+from drlsl import driving
+from drlsl.cli import run
+
+from .fake import FakeHighway
+
+STEP_S = 0.004
+
+
+class SlowHighway(FakeHighway):
+    def step(self, action):  # type: ignore[no-untyped-def]
+        time.sleep(STEP_S)
+        return super().step(action)
+
+
+if __name__ == "__main__":
+    vars(driving)["make_env"] = lambda config: SlowHighway(config.track_length)
+    sys.exit(run(sys.argv[1:]))
