@@ -196,3 +196,13 @@ def test_the_configuration_loads_without_torch() -> None:
     code = "import sys, drlsl.config; print(sorted({'torch', 'gymnasium', 'pandas'} & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
+
+
+def test_the_documentation_lists_every_setting_with_its_default() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "training.md").read_text("utf-8")
+    defaults = make_config({}, "test").model_dump(mode="json")
+    for key, description in describe_keys():
+        value: Any = defaults
+        for part in key.split("."):
+            value = value[part]
+        assert f"| `{key}` | {value if value != [] else 'none'} | {description} |" in text
