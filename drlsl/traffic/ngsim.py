@@ -1,0 +1,280 @@
+"""Load NGSIM trajectories: the 18-column text and the CSV of the data portal.
+
+Source: Next Generation Simulation (NGSIM) Vehicle Trajectories and Supporting Data, US Department of
+Transportation, https://doi.org/10.21949/1504477.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from drlsl.errors import UserError
+from drlsl.traffic.ngsim_road import fit_lanes, straighten
+from drlsl.traffic.recording import Dropped, Floats, Recording, VehicleClass
+from drlsl.traffic.tables import COMMAS, Kind, Layout, read_columns, read_header
+from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, segment_starts, without_duplicates
+
+FOOT = 0.3048
+"""Metres in a foot."""
+
+FRAME_RATE = 10.0
+"""Frames per second."""
+
+SPEED_LIMIT = 65 * 1609.344 / 3600
+"""Speed limit [m/s] of US-101 and I-80, 65 mph, which the tables do not give.
+
+Source: California Vehicle Code, section 22349(a).
+"""
+
+WINDOW = 11
+"""Frames, 1.1 s, under the straight lines whose slopes are the velocities derived from positions.
+
+Positions jitter by decimetres between frames, which read as 1 m/s sideways; a lane change takes several
+seconds.
+"""
+
+SPEED_TOLERANCE = 2.0
+"""Root mean square difference [m/s] between v_Vel and the positions at which the positions are believed."""
+
+NEW_PERIOD = 60_000
+"""Jump in the time of frame 0 [ms] that tells two recording periods in one table apart."""
+
+FREEWAYS = ("us-101", "i-80")
+"""The sites that are freeways; the others are city streets with crossings, and no straight road."""
+
+CLASSES: Mapping[int, VehicleClass] = {
+    1: VehicleClass.MOTORCYCLE,
+    2: VehicleClass.CAR,
+    3: VehicleClass.TRUCK,
+}
+
+TEXT_LAYOUT = Layout(
+    (
+        "Vehicle_ID",
+        "Frame_ID",
+        "Total_Frames",
+        "Global_Time",
+        "Local_X",
+        "Local_Y",
+        "Global_X",
+        "Global_Y",
+        "v_length",
+        "v_Width",
+        "v_Class",
+        "v_Vel",
+        "v_Acc",
+        "Lane_ID",
+        "Preceding",
+        "Following",
+        "Space_Headway",
+        "Time_Headway",
+    )
+)
+
+COLUMNS = {
+    "Vehicle_ID": Kind.COUNT,
+    "Frame_ID": Kind.COUNT,
+    "Global_Time": Kind.NUMBER,
+    "Local_X": Kind.NUMBER,
+    "Local_Y": Kind.NUMBER,
+    "v_length": Kind.NUMBER,
+    "v_Width": Kind.NUMBER,
+    "v_Class": Kind.COUNT,
+    "v_Vel": Kind.NUMBER,
+    "Lane_ID": Kind.COUNT,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Estimated:
+    """Velocities [m/s] and how many vehicles' recorded speeds were set aside."""
+
+    vx: Floats
+    vy: Floats
+    disbelieved: int
+
+
+def ngsim_layout(path: Path) -> Layout | None:
+    """How a file is laid out if it is an NGSIM table, else None.
+
+    Raises: UserError where the file cannot be read or is empty.
+    """
+    header = read_header(path)
+    if "vehicle_id" in {name.lower() for name in header}:
+        return COMMAS
+    words = header[0].split() if len(header) == 1 else []
+    return TEXT_LAYOUT if len(words) == len(TEXT_LAYOUT.names or ()) else None
+
+
+def load_ngsim(path: Path, layout: Layout, part: str | None, *, name: str) -> Recording:
+    """Load one site and period of a table.
+
+    Feet become metres and the front's centre the vehicle's centre. The road is straightened: y is measured
+    from the road's own axis, and lanes are fitted to where the vehicles drive (see ngsim_road).
+
+    Raises: UserError where the file is unreadable, or holds several sites or periods and `part` chooses none.
+    """
+    table, dropped = _choose_part(path, _read(path, layout), part)
+    tracks, rows, repeated = without_duplicates(_tracks(table))
+    codes, lane_ids = (table[column].to_numpy(dtype=np.int64)[rows] for column in ("v_Class", "Lane_ID"))
+    tracks.y, bend = straighten(tracks, lane_ids)
+    lanes = fit_lanes(path, tracks, lane_ids, SPEED_LIMIT)
+    speeds = _velocities(tracks)
+    tracks.vx, tracks.vy = speeds.vx, speeds.vy
+    recording = Recording(
+        name=name,
+        frame_rate=FRAME_RATE,
+        lanes=lanes,
+        x_min=float((tracks.x - tracks.length / 2).min()),
+        x_max=float((tracks.x + tracks.length / 2).max()),
+        frames=pack(tracks, lanes_of_rows(tracks.y, lanes), name=name),
+        vehicle_class=_classes(path, tracks, codes),
+        dropped=(*dropped, *repeated),
+        notes=_notes(tracks, bend, speeds),
+    )
+    recording.validate()
+    return recording
+
+
+def _read(path: Path, layout: Layout) -> pd.DataFrame:
+    wanted = dict(COLUMNS)
+    if layout is COMMAS and "location" in {name.lower() for name in read_header(path)}:
+        wanted["Location"] = Kind.TEXT
+    table = read_columns(path, wanted, layout)
+    if table.empty:
+        raise UserError(f"{path}: no vehicle: the table has no rows")
+    return table
+
+
+def ngsim_parts(path: Path, table: pd.DataFrame) -> npt.NDArray[np.str_]:
+    """The part each row belongs to: its site, and `/2` for a second recording period there, and so on.
+
+    The portal's table holds several sites, and periods of 15 minutes that count frames and vehicles anew; the
+    time of frame 0 tells them apart.
+    """
+    sites = (
+        table["Location"].str.strip().str.lower() if "Location" in table else pd.Series("", index=table.index)
+    )
+    if sites.isna().any():
+        raise UserError(f"{path}: column Location is empty in {int(sites.isna().sum())} rows")
+    start = table["Global_Time"] - table["Frame_ID"] * (1000 / FRAME_RATE)
+    parts = sites.to_numpy(dtype=np.str_).astype(object)
+    for site in sites.unique():
+        rows = np.flatnonzero(sites == site)
+        starts = np.unique(start.to_numpy()[rows])
+        period = np.concatenate([[0], np.cumsum(np.diff(starts) > NEW_PERIOD)])
+        if period[-1]:
+            parts[rows] = [
+                f"{site}/{number + 1}" for number in period[np.searchsorted(starts, start.to_numpy()[rows])]
+            ]
+    return parts.astype(np.str_)
+
+
+def _choose_part(
+    path: Path, table: pd.DataFrame, part: str | None
+) -> tuple[pd.DataFrame, tuple[Dropped, ...]]:
+    """The rows of one part, and those of them that no vehicle can have."""
+    parts = ngsim_parts(path, table)
+    present = np.unique(parts)
+    if part is None and len(present) > 1:
+        raise UserError(f"{path}: holds {', '.join(present)}; choose one, for example {path}#{present[0]}")
+    if part is not None and part not in present:
+        raise UserError(f"{path}: has no part {part!r}; it holds {', '.join(present) or 'one recording'}")
+    chosen = present[0] if part is None else part
+    site = chosen.split("/")[0]
+    if site and site not in FREEWAYS:
+        raise UserError(f"{path}: {site} is no freeway; the sites supported are {', '.join(FREEWAYS)}")
+    table = table[parts == chosen]
+    sized = (table["v_length"] > 0) & (table["v_Width"] > 0)
+    if not sized.any():
+        raise UserError(f"{path}: no vehicle: every row has a length or width of 0")
+    reasons = (Dropped("vehicle's length or width is not above 0", int((~sized).sum())),)
+    return table[sized], tuple(item for item in reasons if item.rows)
+
+
+def _tracks(table: pd.DataFrame) -> Tracks:
+    """SI units and vehicle centres; vy is not in the table and 0 for now."""
+    column = {name: table[name].to_numpy(dtype=np.float64) for name in COLUMNS}
+    frame = column["Frame_ID"].astype(np.int64)
+    length = column["v_length"] * FOOT
+    return Tracks(
+        frame=frame - frame.min(),
+        vehicle=column["Vehicle_ID"].astype(np.int64),
+        x=column["Local_Y"] * FOOT - length / 2,
+        y=column["Local_X"] * FOOT,
+        vx=column["v_Vel"] * FOOT,
+        vy=np.zeros(len(table)),
+        length=length,
+        width=column["v_Width"] * FOOT,
+    )
+
+
+def _velocities(tracks: Tracks) -> Estimated:
+    """vx from v_Vel where the positions bear it out, else from positions; vy from positions.
+
+    v_Vel is smoother than differences of positions. In a track where the two differ by more than
+    SPEED_TOLERANCE, the positions win, so that a vehicle moves as its velocity says.
+    """
+    starts = segment_starts(tracks)
+    moved_x, moved_y = (slopes(values, starts) * FRAME_RATE for values in (tracks.x, tracks.y))
+    lengths = np.diff(np.append(starts, len(tracks)))
+    known = np.repeat(lengths > 1, lengths)
+    squares = np.add.reduceat(np.where(known, moved_x - tracks.vx, 0.0) ** 2, starts)
+    disbelieved = np.sqrt(squares / lengths) > SPEED_TOLERANCE
+    vx = np.where(np.repeat(disbelieved, lengths), moved_x, tracks.vx)
+    vehicles = np.unique(tracks.vehicle[starts][disbelieved])
+    return Estimated(vx, moved_y, len(vehicles))
+
+
+def slopes(values: Floats, starts: npt.NDArray[np.int64]) -> Floats:
+    """Slope per row of the least squares line through the rows around it, at most WINDOW, within its segment.
+
+    Segments begin at `starts`. At their ends the window is cut off there; a segment of one row has slope 0.
+    """
+    ends = np.append(starts[1:], len(values))
+    result = np.zeros(len(values))
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        count = end - start
+        if count < 2:
+            continue
+        rows = np.arange(count)
+        low, high = np.maximum(rows - WINDOW // 2, 0), np.minimum(rows + WINDOW // 2 + 1, count)
+        track = values[start:end] - values[start]
+        sums = np.concatenate([[0.0], np.cumsum(track)])
+        moments = np.concatenate([[0.0], np.cumsum(track * rows)])
+        size = (high - low).astype(np.float64)
+        middle = (low + high - 1) / 2
+        spread = size * (size**2 - 1) / 12
+        result[start:end] = (moments[high] - moments[low] - middle * (sums[high] - sums[low])) / spread
+    return result
+
+
+def _classes(path: Path, tracks: Tracks, codes: npt.NDArray[np.int64]) -> dict[int, VehicleClass]:
+    """Each vehicle's most frequent class."""
+    unknown = np.setdiff1d(codes, list(CLASSES))
+    if len(unknown):
+        raise UserError(f"{path}: v_Class {unknown[0]}: expected 1 (motorcycle), 2 (car) or 3 (truck)")
+    vehicles, index = np.unique(tracks.vehicle, return_inverse=True)
+    rows = np.zeros((len(vehicles), max(CLASSES) + 1), dtype=np.int64)
+    np.add.at(rows, (index, codes), 1)
+    return {
+        vehicle: CLASSES[int(code)]
+        for vehicle, code in zip(vehicles.tolist(), rows.argmax(axis=1), strict=True)
+    }
+
+
+def _notes(tracks: Tracks, bend: float, speeds: Estimated) -> tuple[str, ...]:
+    starts = segment_starts(tracks)
+    gaps = len(starts) - len(np.unique(tracks.vehicle))
+    notes = [f"road straightened: its axis wanders by {bend:.1f} m from side to side"]
+    if gaps:
+        notes.append(f"{gaps} gaps in tracks; a vehicle that comes back counts as a new appearance")
+    if speeds.disbelieved:
+        notes.append(f"{speeds.disbelieved} vehicles' vx from positions, which v_Vel contradicts")
+    return tuple(notes)

@@ -1,0 +1,117 @@
+"""Where the road of an NGSIM table runs, told from the vehicles: its bend and its lanes.
+
+NGSIM measures the lateral position from the left edge of a road that bends by up to a lane's width along the
+section, and its lane ids flicker. Here the bend that all lanes share is fitted and taken out, and the lanes
+are strips around where the vehicles of each lane id drive.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from drlsl.errors import UserError
+from drlsl.traffic.recording import Floats
+from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic.tracks import Tracks
+
+CELL = 10.0
+"""Length of the pieces [m] in which lateral positions are summed up."""
+
+SPAN = 0.8
+"""Share of the section a lane must span to be one of the road's; auxiliary lanes and ramps span less."""
+
+STIFFNESS = 3.0
+"""Weight of the axis' second differences against one vehicle's position, 1/m each."""
+
+USUAL_WIDTH = 3.66
+"""Lane width [m] where only one lane is driven on: 12 ft, that of US freeways."""
+
+LEAST_WIDTH = 2.0
+"""Closer than this [m], two lane ids are not two lanes."""
+
+
+def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats, float]:
+    """Lateral positions from the road's axis, and how far the axis wanders from side to side [m].
+
+    Each lane's median position per cell is its offset plus the axis; both are fitted by least squares with a
+    penalty on the axis' second differences. The axis is 0 on average, so that positions stay near the
+    recorded ones.
+    """
+    cells = _cell_medians(tracks, lane_ids)
+    first, count = int(cells["cell"].min()), int(cells["cell"].max() - cells["cell"].min()) + 1
+    lanes, lane = np.unique(cells["lane"].to_numpy(), return_inverse=True)
+    rows = np.arange(len(cells))
+    design = np.zeros((len(cells), len(lanes) + count))
+    design[rows, lane] = 1.0
+    design[rows, len(lanes) + cells["cell"].to_numpy() - first] = 1.0
+    weight = np.sqrt(cells["vehicles"].to_numpy(dtype=np.float64))
+    bending = np.zeros((max(count - 2, 0), len(lanes) + count))
+    for row in range(len(bending)):
+        bending[row, len(lanes) + row : len(lanes) + row + 3] = STIFFNESS * np.array([1.0, -2.0, 1.0])
+    matrix = np.vstack([design * weight[:, None], bending])
+    target = np.concatenate([cells["y"].to_numpy() * weight, np.zeros(len(bending))])
+    axis = np.linalg.lstsq(matrix, target, rcond=None)[0][len(lanes) :]
+    axis -= axis.mean()
+    middles = (first + np.arange(count) + 0.5) * CELL
+    return tracks.y - np.interp(tracks.x, middles, axis), float(np.ptp(axis))
+
+
+def _cell_medians(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> pd.DataFrame:
+    """Median y and number of vehicles per main lane and cell, each vehicle counting once."""
+    rows = pd.DataFrame(
+        {
+            "lane": lane_ids,
+            "cell": np.floor(tracks.x / CELL).astype(int),
+            "vehicle": tracks.vehicle,
+            "y": tracks.y,
+        }
+    )
+    rows = rows[rows["lane"].isin(_main_lanes(tracks, lane_ids))]
+    once = rows.groupby(["lane", "cell", "vehicle"])["y"].median()
+    return (
+        once.groupby(["lane", "cell"])
+        .agg(["median", "size"])
+        .set_axis(["y", "vehicles"], axis=1)
+        .reset_index()
+    )
+
+
+def _main_lanes(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> list[int]:
+    """Lane ids that span the section, and those that lie between two such, by position from the left."""
+    rows = pd.DataFrame({"lane": lane_ids, "cell": np.floor(tracks.x / CELL), "y": tracks.y})
+    lanes = rows.groupby("lane").agg(span=("cell", "nunique"), y=("y", "median")).sort_values("y")
+    spans = np.flatnonzero(lanes["span"] >= SPAN * lanes["span"].max())
+    return [int(lane) for lane in lanes.index[spans[0] : spans[-1] + 1]]
+
+
+def fit_lanes(
+    path: Path, tracks: Tracks, lane_ids: npt.NDArray[np.int64], speed_limit: float
+) -> tuple[Lane, ...]:
+    """The main lanes, strips that touch; borders lie midway between the medians of neighbours' vehicles.
+
+    Raises: UserError where two lanes lie too close to be two.
+    """
+    cells = pd.DataFrame({"lane": lane_ids, "vehicle": tracks.vehicle, "y": tracks.y})
+    once = cells.groupby(["lane", "vehicle"])["y"].median()
+    main = _main_lanes(tracks, lane_ids)
+    medians = once.groupby("lane").median().loc[main].sort_values()
+    centres = medians.to_numpy(dtype=np.float64)
+    spacing = np.diff(centres)
+    if len(spacing) and spacing.min() < LEAST_WIDTH:
+        close = int(np.argmin(spacing))
+        left, right = medians.index[close : close + 2]
+        raise UserError(
+            f"{path}: lanes {left} and {right} lie {spacing[close]:.1f} m apart, less than the {LEAST_WIDTH} m "
+            "of two lanes; are Lane_ID and Local_X right?"
+        )
+    half = (float(np.median(spacing)) if len(spacing) else USUAL_WIDTH) / 2
+    borders = np.concatenate([[centres[0] - half], (centres[1:] + centres[:-1]) / 2, [centres[-1] + half]])
+    return tuple(
+        Lane(number, Direction.LEFT_TO_RIGHT, (left + right) / 2, right - left, speed_limit)
+        for number, (left, right) in enumerate(pairwise(borders.tolist()), start=1)
+    )
