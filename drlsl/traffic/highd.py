@@ -6,7 +6,6 @@ https://levelxdata.com/highd-dataset/.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +16,7 @@ import pandas as pd
 from drlsl.errors import UserError
 from drlsl.traffic.recording import Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic.sources import Source
 from drlsl.traffic.tables import Kind, read_columns
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, without_duplicates
 
@@ -25,9 +25,6 @@ UNLIMITED_SPEED = 130 / 3.6
 
 Source: Autobahn-Richtgeschwindigkeits-V, section 1.
 """
-
-SUFFIXES = (".csv", ".csv.gz", ".csv.xz")
-"""Endings of the files of a recording."""
 
 TRACK_COLUMNS = {
     "frame": Kind.COUNT,
@@ -47,48 +44,17 @@ META_COLUMNS = {
     "lowerLaneMarkings": Kind.TEXT,
 }
 
-_TRACKS_FILE = re.compile(r"(\d+)_tracks\.csv(?:\.gz|\.xz)?")
 
-
-def highd_parts(folder: Path) -> tuple[str, ...]:
-    """The ids of the recordings in a folder, as in the file names, sorted."""
-    found = (_TRACKS_FILE.fullmatch(path.name) for path in folder.iterdir())
-    return tuple(sorted({match[1] for match in found if match}))
-
-
-def part_of_tracks_file(path: Path) -> str | None:
-    """The recording id of an `XX_tracks.csv`, None for any other file."""
-    match = _TRACKS_FILE.fullmatch(path.name)
-    return match[1] if match else None
-
-
-def highd_files(folder: Path, part: str) -> tuple[Path, Path, Path]:
-    """The tracks, tracksMeta and recordingMeta files of one recording.
-
-    Raises: UserError where one is missing.
-    """
-    found = []
-    for kind in ("tracks", "tracksMeta", "recordingMeta"):
-        candidates = [folder / f"{part}_{kind}{suffix}" for suffix in SUFFIXES]
-        existing = [path for path in candidates if path.is_file()]
-        if not existing:
-            raise UserError(
-                f"{candidates[0]}: no such file; a highD recording needs it (.gz and .xz are read too)"
-            )
-        found.append(existing[0])
-    return found[0], found[1], found[2]
-
-
-def load_highd(folder: Path, part: str, *, name: str) -> Recording:
-    """Load one recording.
+def load_highd(source: Source) -> Recording:
+    """Load one recording in highD layout.
 
     The box's top-left corner and sizes become centres, `width` in the files is the length along the road.
     Lanes come from the markings, the lane of each row from its centre. The recorded stretch runs from the
     rearmost to the foremost box.
 
-    Raises: UserError where a file is missing, unreadable or inconsistent.
+    Raises: UserError where a file is unreadable or inconsistent.
     """
-    tracks_file, vehicles_file, meta_file = highd_files(folder, part)
+    tracks_file, vehicles_file, meta_file = source.files
     frame_rate, lanes = _read_meta(meta_file)
     classes = _read_classes(vehicles_file)
     tracks = _read_tracks(tracks_file)
@@ -100,12 +66,12 @@ def load_highd(folder: Path, part: str, *, name: str) -> Recording:
     seen = set(np.unique(tracks.vehicle).tolist())
     lane = lanes_of_rows(tracks.y, lanes)
     recording = Recording(
-        name=name,
+        name=source.name,
         frame_rate=frame_rate,
         lanes=lanes,
         x_min=float((tracks.x - tracks.length / 2).min()),
         x_max=float((tracks.x + tracks.length / 2).max()),
-        frames=pack(tracks, lane, name=name),
+        frames=pack(tracks, lane, name=source.name),
         vehicle_class={vehicle: kind for vehicle, kind in classes.items() if vehicle in seen},
         dropped=dropped,
         notes=_notes(tracks, lane, lanes),

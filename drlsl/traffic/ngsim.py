@@ -17,6 +17,7 @@ import pandas as pd
 from drlsl.errors import UserError
 from drlsl.traffic.ngsim_road import fit_lanes, straighten
 from drlsl.traffic.recording import Dropped, Floats, Recording, VehicleClass
+from drlsl.traffic.sources import Format, Source
 from drlsl.traffic.tables import COMMAS, Kind, Layout, read_columns, read_header
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, segment_starts, without_duplicates
 
@@ -100,27 +101,18 @@ class Estimated:
     disbelieved: int
 
 
-def ngsim_layout(path: Path) -> Layout | None:
-    """How a file is laid out if it is an NGSIM table, else None.
-
-    Raises: UserError where the file cannot be read or is empty.
-    """
-    header = read_header(path)
-    if "vehicle_id" in {name.lower() for name in header}:
-        return COMMAS
-    words = header[0].split() if len(header) == 1 else []
-    return TEXT_LAYOUT if len(words) == len(TEXT_LAYOUT.names or ()) else None
-
-
-def load_ngsim(path: Path, layout: Layout, part: str | None, *, name: str) -> Recording:
-    """Load one site and period of a table.
+def load_ngsim(source: Source) -> Recording:
+    """Load one site and period of an NGSIM table.
 
     Feet become metres and the front's centre the vehicle's centre. The road is straightened: y is measured
     from the road's own axis, and lanes are fitted to where the vehicles drive (see ngsim_road).
 
-    Raises: UserError where the file is unreadable, or holds several sites or periods and `part` chooses none.
+    Raises: UserError where the file is unreadable, or holds several sites or periods and the source chooses
+        none.
     """
-    table, dropped = _choose_part(path, _read(path, layout), part)
+    (path,) = source.files
+    layout = COMMAS if source.format is Format.NGSIM_CSV else TEXT_LAYOUT
+    table, dropped = _choose_part(path, _read(path, layout), source.part)
     tracks, rows, repeated = without_duplicates(_tracks(table))
     codes, lane_ids = (table[column].to_numpy(dtype=np.int64)[rows] for column in ("v_Class", "Lane_ID"))
     tracks.y, bend = straighten(tracks, lane_ids)
@@ -128,12 +120,12 @@ def load_ngsim(path: Path, layout: Layout, part: str | None, *, name: str) -> Re
     speeds = _velocities(tracks)
     tracks.vx, tracks.vy = speeds.vx, speeds.vy
     recording = Recording(
-        name=name,
+        name=source.name,
         frame_rate=FRAME_RATE,
         lanes=lanes,
         x_min=float((tracks.x - tracks.length / 2).min()),
         x_max=float((tracks.x + tracks.length / 2).max()),
-        frames=pack(tracks, lanes_of_rows(tracks.y, lanes), name=name),
+        frames=pack(tracks, lanes_of_rows(tracks.y, lanes), name=source.name),
         vehicle_class=_classes(path, tracks, codes),
         dropped=(*dropped, *repeated),
         notes=_notes(tracks, bend, speeds),

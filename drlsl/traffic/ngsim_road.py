@@ -106,8 +106,8 @@ def fit_lanes(
         close = int(np.argmin(spacing))
         left, right = medians.index[close : close + 2]
         raise UserError(
-            f"{path}: lanes {left} and {right} lie {spacing[close]:.1f} m apart, less than the {LEAST_WIDTH} m "
-            "of two lanes; are Lane_ID and Local_X right?"
+            f"{path}: lanes {left} and {right} lie {spacing[close]:.1f} m apart, less than the "
+            f"{LEAST_WIDTH} m of two lanes; are Lane_ID and Local_X right?"
         )
     half = (float(np.median(spacing)) if len(spacing) else USUAL_WIDTH) / 2
     borders = np.concatenate([[centres[0] - half], (centres[1:] + centres[:-1]) / 2, [centres[-1] + half]])

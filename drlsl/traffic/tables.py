@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import csv
-import gzip
-import lzma
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
+from drlsl.traffic.files import ENCODING, UNREADABLE, open_text, unreadable
 from drlsl.traffic.recording import Floats, Mask
-
-UNREADABLE = (OSError, EOFError, UnicodeDecodeError, lzma.LZMAError, zlib.error)
-"""What opening, decompressing or decoding a broken file raises."""
 
 
 class Kind(Enum):
@@ -48,12 +42,6 @@ class Layout:
 
 
 COMMAS = Layout()
-
-
-def open_text(path: Path) -> IO[str]:
-    """Open a text file, plain or compressed as its suffix says."""
-    opener = {".gz": gzip.open, ".xz": lzma.open}.get(path.suffix, open)
-    return opener(path, "rt", encoding="utf-8-sig", newline="")  # type: ignore[operator,no-any-return]  # alike
 
 
 def read_header(path: Path) -> tuple[str, ...]:
@@ -97,10 +85,10 @@ def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS
             dtype={columns[name]: "str" if kind is Kind.TEXT else "float64" for name, kind in wanted.items()},
             index_col=False,
             thousands=",",
-            encoding="utf-8-sig",
+            encoding=ENCODING,
         )
     except UNREADABLE as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
     except ValueError as error:
         raise _first_fault(path, wanted, layout) from error
     frame = frame.rename(columns={column: name for name, column in columns.items()})
@@ -108,10 +96,6 @@ def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS
         if kind is not Kind.TEXT and not kind.holds(frame[name].to_numpy()).all():
             raise _first_fault(path, wanted, layout)
     return frame
-
-
-def _unreadable(path: Path, error: Exception) -> UserError:
-    return UserError(f"{path}: cannot be read: {error or type(error).__name__}")
 
 
 def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
@@ -124,7 +108,7 @@ def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
             else:
                 yield from ((number, line.split()) for number, line in enumerate(file, 1) if line.strip())
     except (*UNREADABLE, csv.Error) as error:
-        raise _unreadable(path, error) from error
+        raise unreadable(path, error) from error
 
 
 def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> UserError:
