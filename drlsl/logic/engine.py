@@ -20,9 +20,10 @@ from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Predicate, Program
 from drlsl.logic.reader import read_term
 from drlsl.logic.solver import FAIL, FOUND, Limits, Machine, Task, enter
-from drlsl.logic.terms import Atom, Struct, Term, Var
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import term_variables
-from drlsl.logic.values import Solution, to_row, to_value
+from drlsl.logic.values import Solution, Value, to_row, to_term, to_value
+from drlsl.logic.writer import format_term
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -117,9 +118,10 @@ class Engine:
                 self.loaded.discard(path)
             raise
 
-    def run_directive(self, goal: Term) -> bool:
+    def run_directive(self, goal: Term, output: TextIO | None = None) -> bool:
         """Prove a goal once, keeping no bindings; True if that succeeds."""
         machine = Machine(self, _UNLIMITED)
+        machine.output = output or self.output
         try:
             return machine.solve(machine.call(goal, FOUND))
         finally:
@@ -171,6 +173,10 @@ class Engine:
         """Whether a goal has a solution."""
         return self.prepare(goal).holds(limits)
 
+    def format(self, value: Value) -> str:
+        """The text of a solution's value, with the engine's operators; it reads back as the same term."""
+        return format_term(to_term(value), self.operators, quoted=True)
+
     def undefined(self, machine: Machine, predicate: Predicate, _args: Any, _continuation: Task) -> Task:
         """What a call of an unknown predicate does, by the flag `unknown`."""
         name, arity = predicate.name, predicate.arity
@@ -199,11 +205,10 @@ class Query:
     def solutions(self, limits: Limits | None = None) -> Iterator[Solution]:
         """The solutions, one by one."""
         machine, args = self._start(limits)
-        names = dict(zip(args, self._names, strict=True))
         try:
             found = machine.solve(self._task(machine, args))
             while found:
-                yield self._solution(args, names)
+                yield self._solution(args)
                 found = machine.retry()
         finally:
             machine.close()
@@ -213,7 +218,7 @@ class Query:
         machine, args = self._start(limits)
         try:
             if machine.solve(self._task(machine, args)):
-                return self._solution(args, dict(zip(args, self._names, strict=True)))
+                return self._solution(args)
             return None
         finally:
             machine.close()
@@ -232,10 +237,10 @@ class Query:
     def _task(self, machine: Machine, args: list[Var]) -> Task:
         return enter(machine, self._predicate, args, FOUND)
 
-    def _solution(self, args: list[Var], names: Mapping[Var, str]) -> Solution:
-        return Solution(
-            {name: to_value(variable, names) for name, variable in zip(self._names, args, strict=True)}
-        )
+    def _solution(self, args: list[Var]) -> Solution:
+        # Of variables that are bound to each other, the first gives its name to all.
+        names = {deref(arg): name for arg, name in zip(reversed(args), reversed(self._names), strict=True)}
+        return Solution({name: to_value(arg, names) for name, arg in zip(self._names, args, strict=True)})
 
 
 assert builtins.__all__  # importing the package is what fills the registry
