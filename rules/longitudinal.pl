@@ -1,7 +1,7 @@
 % longitudinal.pl - how fast to go: the acceleration asked of the ego and the speed that follows. Included by highway.pl.
 
-% comfortable_braking(B): the hardest braking while the gap in front is longer than required.
-comfortable_braking(3.0).
+% comfortable_braking(B): the braking that the ego plans with to come down to a leader's speed.
+comfortable_braking(1.5).
 
 % acceleration_x(A): the least acceleration that the road and the vehicles in front call for, within the ego's limits.
 % Source: paper, Longitudinal Velocity Control.
@@ -17,15 +17,24 @@ speed_limit(V) :- lane(ego, Lane), road_lane(Lane, _, _, _, V).
 % free_acceleration(A): to the limit within one time step. Source: paper, Eq. for front_is_free.
 free_acceleration(A) :- speed_limit(Limit), speed(ego, V), time_step(Dt), A is (Limit - V) / Dt.
 
-% following_acceleration(Car, A): what vehicle Car in front calls for. Beyond the required gap, the acceleration that has
-% the leader's speed when the gap is down to it; within it, the braking that stops behind a leader braking at its hardest.
-% Source: paper, Longitudinal Velocity Control, with the leader's stopping distance of RSS added where the gap is short.
+% following_acceleration(Car, A): what vehicle Car in front calls for. Source: paper, Longitudinal Velocity Control; here the
+% ego may be as fast as lets it come down to the leader's speed at the required gap by comfortable braking, and where the gap is
+% short it gives way; no softer in either case than the braking needed.
 following_acceleration(Car, A) :-
     busy_section(front, Car, Gap), speed(ego, V1), speed(Car, V2), required_gap(V1, V2, Required),
+    comfortable_braking(B), time_step(Dt),
     ( Gap > Required ->
-        comfortable_braking(B), A is max(-B, (V2 * V2 - V1 * V1) / (2 * (Gap - Required)))
-    ;   front_braking(B), A is -(V1 * V1) / (2 * (Gap + V2 * V2 / (2 * B)))
-    ).
+        Wanted is (sqrt(V2 * V2 + 2 * B * (Gap - Required)) - V1) / Dt
+    ;   Wanted is min(-B, (V2 * V2 - V1 * V1) / (2 * Gap))
+    ),
+    braking_needed(Gap, V1, V2, Needed), rear_braking(Sure),
+    ( Needed > Sure -> A is min(Wanted, -Needed) ; A = Wanted ).
+
+% braking_needed(Gap, V1, V2, B): the braking by which the ego, one time step from now, stops behind a leader that brakes at
+% its hardest from now on. Until it needs the braking that the ego is sure to reach, there is time to give way gently.
+braking_needed(Gap, V1, V2, B) :-
+    front_braking(B2), time_step(Dt), Room is Gap + V2 * V2 / (2 * B2) - V1 * Dt,
+    ( Room > 0.0 -> B is V1 * V1 / (2 * Room) ; braking_limit(B) ).
 
 % longitudinal_velocity(V): the speed to drive next, from 0 to the lane's limit. Source: paper, v + a dt.
 longitudinal_velocity(V) :-

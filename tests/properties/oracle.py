@@ -9,7 +9,7 @@ from drlsl.driving.scene import Scene, Vehicle
 from drlsl.traffic.road import Lane
 
 RESPONSE_TIME, RESPONSE_ACCELERATION, REAR_BRAKING, FRONT_BRAKING = 0.35, 3.0, 6.0, 8.0
-STANDSTILL, MARGIN, CHANGE_TIME, COMFORT = 2.0, 0.3, 3.0, 3.0
+STANDSTILL, MARGIN, CHANGE_TIME, COMFORT = 2.0, 0.3, 3.0, 1.5
 HORIZON = {"own": 1.0, "home": 1.0, "left": 3.0, "right": 3.0}
 SECTIONS = {
     "front": ("own", "ahead"),
@@ -157,9 +157,14 @@ class Oracle:
             gap, other = self.gap(car), self.speed(car)
             needed = self.needed_gap(car)
             if gap > needed:
-                wanted.append(max(-COMFORT, (other * other - own * own) / (2 * (gap - needed))))
+                fastest = math.sqrt(other * other + 2 * COMFORT * (gap - needed))
+                wanted.append((fastest - own) / road.time_step)
             else:
-                wanted.append(-(own * own) / (2 * (gap + other * other / (2 * FRONT_BRAKING))))
+                wanted.append(min(-COMFORT, (other * other - own * own) / (2 * gap)))
+            room = gap + other * other / (2 * FRONT_BRAKING) - own * road.time_step
+            braking = own * own / (2 * room) if room > 0 else road.braking_limit
+            if braking > REAR_BRAKING:
+                wanted.append(-braking)
         return max(-road.braking_limit, min(road.acceleration_limit, min(wanted)))
 
     def target_speed(self) -> float:
