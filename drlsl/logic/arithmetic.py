@@ -241,7 +241,7 @@ def _shift_right(left: int, right: int) -> int:
 
 def _divide(left: Number, right: Number, machine: Machine) -> Number:
     if right == 0 and (type(right) is int or machine.flags.iso or left == 0):
-        raise evaluation_error("undefined" if left == 0 and type(right) is float else "zero_divisor")
+        raise evaluation_error("undefined" if left == 0 else "zero_divisor")
     if type(left) is int and type(right) is int and not machine.flags.iso and left % right == 0:
         return left // right
     try:

@@ -70,7 +70,9 @@ class Node:
         self.args: tuple[Any, ...] = ()
         self.target: Any = None  # CALL: the predicate
         self.function: Any = None  # DET, NONDET, CONTROL: the builtin; RAISE: makes the error
-        self.other: Node | None = None  # BRANCH: what to do when the condition fails; EITHER: the second branch
+        self.other: Node | None = (
+            None  # BRANCH: what to do when the condition fails; EITHER: the second branch
+        )
         self.slot = 0  # BRANCH, CUT, SOFT_CUT: the frame's slot with the height to cut back to
 
 
@@ -243,8 +245,11 @@ class BodyCompiler:
     def _opaque(self, goal: Struct, following: Node, cut: int, above: int) -> Node:
         """A control construct that calls its argument, in place: cuts in the argument are local to it."""
         inner = deref(goal.args[0])
-        if type(inner) is Var and goal.name == "call":
-            return self._call(goal, following)
+        if _has_variable_goal(inner):
+            # What the variable is bound to by then is part of the goal, a cut included (7.6.2).
+            if goal.name == "call":
+                return self._call(goal, following)
+            inner = Struct("call", (inner,))
         try:
             check_body(inner)
         except PrologError:
@@ -285,7 +290,9 @@ class BodyCompiler:
         node.other = self._goal(goal.args[1], following, cut, above)
         return node
 
-    def _branch(self, condition: Term, then: Term, other: Node, following: Node, cut: int, above: int) -> Node:
+    def _branch(
+        self, condition: Term, then: Term, other: Node, following: Node, cut: int, above: int
+    ) -> Node:
         """If-then-else: `then` is compiled in place, `other` already is; a cut in the condition is local to it."""
         after = self._goal(then, following, cut, above)
         node = Node(BRANCH, None, self._clause)
@@ -341,6 +348,18 @@ def check_body(body: Term) -> None:
                 todo.extend(term.args)
         elif type(term) is not Atom and type(term) is not Var:
             raise type_error("callable", body)
+
+
+def _has_variable_goal(body: Term) -> bool:
+    """Whether a body has a variable where a goal belongs."""
+    todo = [body]
+    while todo:
+        term = deref(todo.pop())
+        if type(term) is Var:
+            return True
+        if type(term) is Struct and len(term.args) == 2 and term.name in (",", ";", "->", "*->"):
+            todo.extend(term.args)
+    return False
 
 
 def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from drlsl.logic.builtins.arguments import check_partial_list, items, not_negative
+from drlsl.logic.builtins.arguments import check_partial_list, items, not_negative, prefix
 from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref, make_list
@@ -144,6 +144,9 @@ def keysort(machine: Machine, pairs: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.4."""
     elements = [_pair(term) for term in items(pairs)]
     check_partial_list(result)
+    for term in prefix(result)[0]:
+        if type(deref(term)) is not Var:
+            _pair(term)
     key = sort_key(iso=machine.flags.iso)
     elements.sort(key=lambda pair: key(pair.args[0]))
     return machine.unify(result, make_list(elements))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import groupby
+from operator import itemgetter
 
 from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, prefix
+from drlsl.logic.builtins.compare import sorted_terms, without_repeats
 from drlsl.logic.builtins.registry import Machine, det, nondet
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
-from drlsl.logic.terms import NIL, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import compare, copy_term, term_variables, variant
+from drlsl.logic.terms import NIL, TRUE, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import compare, copy_term, sort_key, term_variables
 
 
 @nondet("length", 2)
@@ -79,26 +82,47 @@ def free_variables(machine: Machine, scoped: Term, witness: Term, goal: Term) ->
     return machine.unify(witness, Struct("v", tuple(free)) if free else NIL) and machine.unify(goal, scope)
 
 
-@nondet("$solution_groups", 3)
-def solution_groups(machine: Machine, answers: Term, witness: Term, found: Term) -> Iterator[bool | None]:
-    """The groups of ``Witness-Template`` pairs whose witnesses are variants of each other, in order.
+def _in_order(count: int) -> list[Var]:
+    """Fresh variables, each of which precedes the next in the standard order."""
+    return sorted((Var() for _ in range(count)), key=id)
 
-    Source: ISO 13211-1, 8.10.2.
+
+def _groups_by_witness(machine: Machine, pairs: list[Struct]) -> list[list[Struct]]:
+    """Pairs whose witnesses are variants of each other, the groups in the order of the witnesses."""
+    variables = [term_variables(pair.args[0]) for pair in pairs]
+    stand_ins = _in_order(max(map(len, variables), default=0))
+    key_of = sort_key(iso=machine.flags.iso)
+    keyed = [
+        (key_of(copy_term(pair.args[0], dict(zip(own, stand_ins, strict=False)))), pair)
+        for pair, own in zip(pairs, variables, strict=True)
+    ]
+    keyed.sort(key=itemgetter(0))
+    return [[pair for _, pair in group] for _, group in groupby(keyed, key=itemgetter(0))]
+
+
+@nondet("$solution_groups", 4)
+def solution_groups(
+    machine: Machine, answers: Term, witness: Term, as_set: Term, found: Term
+) -> Iterator[bool | None]:
+    """The templates of each group of ``Witness-Template`` pairs with variant witnesses, sorted for a set.
+
+    Source: ISO 13211-1, 8.10.2 and 8.10.3.
     """
-    left = [pair for pair in map(deref, items(answers)) if type(pair) is Struct]
-    while left:
-        key = left[0].args[0]
-        group = [pair for pair in left if variant(pair.args[0], key)]
-        left = [pair for pair in left if not variant(pair.args[0], key)]
+    pairs = [pair for pair in map(deref, items(answers)) if type(pair) is Struct]
+    groups = _groups_by_witness(machine, pairs)
+    for number, group in enumerate(groups, 1):
         # Members of a group share their witness, so that its variables are the same in each template.
-        shared = copy_term(key)
-        variables = term_variables(shared)
+        own = term_variables(group[0].args[0])
+        variables = _in_order(len(own))
+        shared = copy_term(group[0].args[0], dict(zip(own, variables, strict=True)))
         templates = [
             copy_term(pair.args[1], dict(zip(term_variables(pair.args[0]), variables, strict=True)))
             for pair in group
         ]
+        if deref(as_set) is TRUE:
+            templates = without_repeats(sorted_terms(machine, templates))
         if attempt(machine, Struct("-", (witness, found)), Struct("-", (shared, make_list(templates)))):
-            yield not left
+            yield number == len(groups)
 
 
 @det("$check_partial_list", 1)

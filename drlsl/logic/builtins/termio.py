@@ -284,7 +284,7 @@ def with_output_to(machine: Solver, args: Sequence[Term], continuation: Task) ->
 
 def _end_output(machine: Solver, task: Task) -> Task:
     _, sink, make, buffer, before, height, continuation = task
-    cut(machine.choices, height)
+    cut(machine, height)
     machine.output = before
     if not machine.unify(sink.args[0], make(buffer.getvalue())):
         return FAIL

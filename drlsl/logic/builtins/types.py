@@ -69,14 +69,16 @@ def functor(machine: Machine, term: Term, name: Term, arity: Term) -> bool:
     if type(name) is Struct:
         raise type_error("atomic", name)
     if type(name) is not Atom:
-        raise type_error("callable", name)
+        raise type_error("atom" if machine.flags.iso else "callable", name)
     return machine.unify(term, Struct(name.name, tuple([Var() for _ in range(arity)])))
 
 
 @nondet("arg", 3)
 def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[bool | None]:
-    """Source: ISO 13211-1, 8.5.2; enumerates the arguments where the position is a variable."""
+    """Source: ISO 13211-1, 8.5.2; with the flag `iso` off, a variable as position enumerates the arguments."""
     position, term = deref(position), deref(term)
+    if type(position) is Var and machine.flags.iso:
+        raise instantiation_error()
     if type(term) is not Struct:
         raise instantiation_error() if type(term) is Var else type_error("compound", term)
     args = term.args
@@ -110,7 +112,7 @@ def univ(machine: Machine, term: Term, parts: Term) -> bool:
             raise type_error("atomic", name)
         return machine.unify(term, name)
     if type(name) is not Atom:
-        raise type_error("atomic" if type(name) is Struct else "callable", name)
+        raise type_error("atom" if machine.flags.iso else "callable", name)
     return machine.unify(term, Struct(name.name, tuple(elements[1:])))
 
 

@@ -8,8 +8,7 @@ bagof(T, G, L) :-
 bagof_([], T, G, L) :- !, findall(T, G, L0), L0 \== [], L = L0.
 bagof_(Witness, T, G, L) :-
     findall(Witness-T, G, Answers), Answers \== [],
-    keysort(Answers, Sorted),
-    '$solution_groups'(Sorted, Witness, L).
+    '$solution_groups'(Answers, Witness, false, L).
 
 setof(T, G, S) :-
     '$check_partial_list'(S),
@@ -19,9 +18,7 @@ setof(T, G, S) :-
 setof_([], T, G, S) :- !, findall(T, G, L), L \== [], sort(L, S).
 setof_(Witness, T, G, S) :-
     findall(Witness-T, G, Answers), Answers \== [],
-    keysort(Answers, Sorted),
-    '$solution_groups'(Sorted, Witness, L),
-    sort(L, S).
+    '$solution_groups'(Answers, Witness, true, S).
 
 _ ^ G :- call(G).
 
