@@ -1,0 +1,26 @@
+"""Why a program, or one scene, cannot be answered by generated code."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class NotLowerable(Exception):
+    """A rule that only the interpreter can run: which predicate, where, and why.
+
+    `predicate` is written name/arity; `span` is where the clause was read, None where that is not known.
+    """
+
+    def __init__(self, predicate: str, span: Any, reason: str) -> None:
+        place = f"{span}: " if span is not None else ""
+        super().__init__(f"{place}{predicate} cannot be lowered: {reason}")
+        self.predicate = predicate
+        self.span = span
+        self.reason = reason
+
+
+class Undecided(Exception):
+    """Generated code cannot answer for this scene: ask the interpreter, which may raise an error of its own.
+
+    A fact of another kind than the schema says, a number out of bounds, an arithmetic error on the way.
+    """

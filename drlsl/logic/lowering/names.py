@@ -1,0 +1,30 @@
+"""Names for generated code, after those in the rules."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterable
+from typing import Final
+
+_WORDS: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_OTHER: Final = re.compile(r"\W+")
+
+
+class Names:
+    """Hands out each name once."""
+
+    def __init__(self, reserved: Iterable[str] = ()) -> None:
+        self._taken = {*keyword.kwlist, *reserved}
+
+    def new(self, hint: str) -> str:
+        """A name that nobody has yet: the hint in lower case, with a number behind it where need be."""
+        base = _OTHER.sub("_", _WORDS.sub("_", hint).lower()).strip("_") or "value"
+        if base[0].isdigit():
+            base = f"v{base}"
+        name, number = base, 1
+        while name in self._taken:
+            number += 1
+            name = f"{base}_{number}"
+        self._taken.add(name)
+        return name

@@ -1,0 +1,81 @@
+"""What generated code for one scene calls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+from drlsl.logic.lowering.errors import Undecided
+from drlsl.logic.lowering.numbers import FUNCTIONS, rounded, sign, truncated
+from drlsl.logic.lowering.schema import FLOAT_BOUND, INT_BOUND, Relation
+from drlsl.logic.values import Compound, String
+
+Row: TypeAlias = Sequence[Any]
+Facts: TypeAlias = Mapping[tuple[str, int], Sequence[Row]]
+
+_absolute: Final = float.__abs__  # refuses everything but floats
+
+
+def checked_rows(facts: Facts, relation: Relation, used: Sequence[int]) -> Sequence[Row]:
+    """The rows of a relation, if they are what the schema says in the columns that are used.
+
+    Raises:
+        Undecided: they are not.
+    """
+    rows = facts.get((relation.name, relation.arity), ())
+    if relation.single and len(rows) != 1:
+        raise Undecided(f"{len(rows)} rows of {relation.name}/{relation.arity}")
+    if relation.first is not None and (not rows or rows[0][relation.key or 0] != relation.first):
+        raise Undecided(f"{relation.name}/{relation.arity} does not begin with {relation.first}")
+    try:
+        columns = list(zip(*rows, strict=True))
+        if rows and len(columns) != relation.arity:
+            raise Undecided(f"a row of {relation.name}/{relation.arity} has {len(columns)} values")
+        if not rows or all(_is_sound(columns[place], relation.columns[place]) for place in used):
+            if relation.key is None or len(rows) < 2 or len(set(columns[relation.key])) == len(rows):
+                return rows
+    except (TypeError, ValueError) as error:
+        raise Undecided(f"{relation.name}/{relation.arity}: {error}") from error
+    raise Undecided(f"a row of {relation.name}/{relation.arity} is not what the schema says")
+
+
+def _is_sound(column: Sequence[Any], kind: str) -> bool:
+    if kind == "float":
+        return sum(map(_absolute, column)) <= FLOAT_BOUND
+    if kind == "atom":
+        return set(map(type, column)) == {str}
+    return set(map(type, column)) == {int} and -INT_BOUND <= min(column) and max(column) <= INT_BOUND
+
+
+def blank_row(relation: Relation) -> Row:
+    """A row that stands for none: its values mean nothing but are of the right kind."""
+    return tuple({"atom": "", "int": 0, "float": 0.0}[kind] for kind in relation.columns)
+
+
+def same(left: float, right: float) -> bool:
+    """Two floats are the same term: 0.0 and -0.0 are not."""
+    return left == right and math.copysign(1.0, left) == math.copysign(1.0, right)
+
+
+def _whole(function: Callable[[float], int]) -> Callable[[float], int]:
+    return lambda value: function(value) if math.isfinite(value) else 0
+
+
+SUPPORT: Final[dict[str, Any]] = {
+    "Compound": Compound,
+    "String": String,
+    "Undecided": Undecided,
+    "ceil": _whole(math.ceil),
+    "checked_rows": checked_rows,
+    "floor": _whole(math.floor),
+    "inf": math.inf,
+    "nan": math.nan,
+    "rounded": rounded,
+    "same": same,
+    "sign": sign,
+    "sqrt": math.sqrt,
+    "trunc": _whole(math.trunc),
+    "truncated": truncated,
+    **{f"math_{name}": function for name, function in FUNCTIONS.items()},
+}
