@@ -215,3 +215,42 @@ def test_a_device_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) 
     assert resolve_device("auto") == torch.device("cpu")
     with pytest.raises(UserError, match="--device cpu"):
         resolve_device("cuda")
+
+
+class Diary(FakeHighway):
+    """Keeps what it gave, to compare with what was stored."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[np.ndarray, int, float, np.ndarray, bool, np.ndarray]] = []
+        self.ends: list[str] = []
+
+    def reset(self, *, seed=None, options=None):  # type: ignore[no-untyped-def]
+        self._last, info = super().reset(seed=seed, options=options)
+        return self._last, info
+
+    def step(self, action):  # type: ignore[no-untyped-def]
+        observation, reward, terminated, truncated, info = super().step(action)
+        mask = info["action_mask"].astype(np.bool_)
+        self.seen.append((self._last, action, reward, observation, terminated, mask))
+        self.ends += ["terminated"] * terminated + ["truncated"] * truncated
+        self._last = observation
+        return observation, reward, terminated, truncated, info
+
+
+@pytest.mark.parametrize("method", ["dqn", "dqnsl"])
+def test_what_is_stored_is_what_happened(tiny_config: TrainConfig, method: str) -> None:
+    env = Diary()
+    config = changed(tiny_config, method=method, episodes=12, learning={"replay_capacity": 1_000})
+    trainer = Trainer(env, config)
+    list(trainer.run())
+    assert {"terminated", "truncated"} <= set(env.ends) or method == "dqn"
+    fields = {name: value.numpy() for name, value in trainer.get_state()["replay"]["fields"].items()}
+    observations, actions, rewards, next_observations, terminated, masks = zip(*env.seen, strict=True)
+    np.testing.assert_array_equal(fields["observations"], observations)
+    np.testing.assert_array_equal(fields["actions"], actions)
+    np.testing.assert_allclose(fields["rewards"], rewards, rtol=1e-6)
+    np.testing.assert_array_equal(fields["next_observations"], next_observations)
+    np.testing.assert_array_equal(fields["terminated"], terminated)
+    offered = np.ones_like(masks) if method == "dqn" else masks
+    np.testing.assert_array_equal(fields["next_masks"], offered)
