@@ -50,9 +50,10 @@ lateral_margin(0.3).
 lane_change_time(3.0).
 
 % drift_horizon(Side, T): how far ahead a vehicle's sideways motion is followed to see whether it enters the way of Side.
-% A lane change claims the lane for its whole duration; the ego's own lane is watched anew at every step.
+% A lane change, and entering the road, claims the lane for a while; the ego's own lane is watched anew at every step.
 drift_horizon(own, 1.0).
 drift_horizon(home, 1.0).
+drift_horizon(entry, 3.0).
 drift_horizon(left, 3.0).
 drift_horizon(right, 3.0).
 
@@ -112,11 +113,12 @@ leftward(left, 1).
 leftward(right, -1).
 
 % way(Side, Low, High): the range of y that the ego's centre takes: in its own lane on the way to the target lane's centre,
-% in the lane it is in ("home"), or in the lane to a side.
+% in the lane it is in ("home", and "entry" where it comes onto the road), or in the lane to a side.
 way(own, Low, High) :-
     position_y(ego, Y), target_lane(Lane), road_lane(Lane, _, Centre, _, _),
     Low is min(Y, Centre), High is max(Y, Centre).
 way(home, Y, Y) :- lane(ego, Lane), road_lane(Lane, _, Y, _, _).
+way(entry, Y, Y) :- way(home, Y, Y).
 way(left, Y, Y) :- side_lane(left, Lane), road_lane(Lane, _, Y, _, _).
 way(right, Y, Y) :- side_lane(right, Lane), road_lane(Lane, _, Y, _, _).
 
@@ -215,8 +217,8 @@ safe_actions(right_lane_change) :- settled, right_is_valid, right_is_safe.
 % possible_actions(Actions): all of them. Source: paper, SLP for AD.
 possible_actions(Actions) :- findall(Action, safe_actions(Action), Actions).
 
-% entry_is_safe: the ego may be placed where it is: nobody in its own way is nearer than it must be.
-entry_is_safe :- \+ obstacle(own, _, _, _).
+% entry_is_safe: the ego may come onto the road where it is: nobody in or drifting into its lane is nearer than it must be.
+entry_is_safe :- \+ obstacle(entry, _, _, _).
 
 % objection(Action, Reason): why a lane change is not offered: changing_lanes, no_lane or too_close(Car, Gap, Needed).
 objection(left_lane_change, Reason) :- side_objection(left, Reason).

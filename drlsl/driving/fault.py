@@ -149,7 +149,8 @@ class _Encounter:
         entered, inside = _since(_touches(self.ego, lane)), _since(_inside(self.ego, lane))
         if self._met_sideways() or self._came_from() >= 0 or entered is None:
             return False
-        if self.other_appeared and inside == 0:
+        other_entered = _since(_touches(self.other, lane))
+        if inside is not None and (inside < (other_entered or 0) or (inside == 0 and self.other_appeared)):
             return True
         rows = [row for row in (entered, inside) if row is not None]
         return any(self._left_time(row, rear=self.other, front=self.ego) for row in rows)

@@ -83,6 +83,20 @@ def test_placing_the_ego_right_before_a_follower_is_the_egos_fault() -> None:
     assert verdict(ego, other) is Verdict.AT_FAULT
 
 
+def test_a_vehicle_that_moves_in_behind_the_ego_is_to_blame() -> None:
+    steps = 200
+    ego = track(100.0, 15.0, CENTRE[2], steps)
+    close = track(100.0 - LENGTH + 0.01, 15.5, sideways(CENTRE[1], CENTRE[2], steps, 60), steps)
+    assert verdict(ego, close) is Verdict.STRUCK_FROM_BEHIND
+
+
+def test_moving_in_before_a_vehicle_that_moves_in_behind_is_the_egos_fault() -> None:
+    steps = 200
+    ego = track(100.0, 15.0, sideways(CENTRE[3], CENTRE[2], steps, 40), steps)
+    close = track(100.0 - LENGTH + 0.01, 30.0, sideways(CENTRE[1], CENTRE[2], steps, 60), steps)
+    assert verdict(ego, close) is Verdict.AT_FAULT
+
+
 def test_running_into_a_leader_is_the_egos_fault() -> None:
     ego, other = track(100.0, 30.0, CENTRE[2], 200), track(100.0 + LENGTH - 0.01, 20.0, CENTRE[2], 200)
     assert verdict(ego, other) is Verdict.AT_FAULT

@@ -10,7 +10,7 @@ from drlsl.traffic.road import Lane
 
 RESPONSE_TIME, RESPONSE_ACCELERATION, REAR_BRAKING, FRONT_BRAKING = 0.35, 3.0, 6.0, 8.0
 STANDSTILL, MARGIN, CHANGE_TIME, COMFORT = 2.0, 0.3, 3.0, 1.5
-HORIZON = {"own": 1.0, "home": 1.0, "left": 3.0, "right": 3.0}
+HORIZON = {"own": 1.0, "home": 1.0, "entry": 3.0, "left": 3.0, "right": 3.0}
 SECTIONS = {
     "front": ("own", "ahead"),
     "front_right": ("right", "ahead"),
@@ -83,7 +83,7 @@ class Oracle:
     def way(self, side: str) -> tuple[float, float] | None:
         if side == "own":
             return min(self.ego.y, self.target.centre), max(self.ego.y, self.target.centre)
-        lane = self.lane if side == "home" else self.side_lane(side)
+        lane = self.lane if side in ("home", "entry") else self.side_lane(side)
         return (lane.centre, lane.centre) if lane else None
 
     def in_way(self, car: Vehicle, side: str) -> bool:

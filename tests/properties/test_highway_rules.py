@@ -36,7 +36,7 @@ def test_decision(shield: Shield, scene: Scene) -> None:
     assert list(decision.observation) == oracle.observation()
     assert decision.front_is_free == (not oracle.busy("front"))
     assert decision.lane_to_keep == oracle.lane_to_keep()
-    assert shield.entry_is_safe(scene) == oracle.is_safe("own")
+    assert shield.entry_is_safe(scene) == oracle.is_safe("entry")
     assert any(decision.action_mask)
 
 
@@ -64,7 +64,7 @@ def test_sides(shield: Shield, scene: Scene) -> None:
         assert bool(ask(shield, scene, f"{side}_is_safe")) == oracle.is_safe(side)
         lane = oracle.side_lane(side)
         assert ask(shield, scene, f"side_lane({side}, Lane)") == ([{"Lane": lane.id}] if lane else [])
-    for side in ("own", "home", "left", "right"):
+    for side in ("own", "home", "entry", "left", "right"):
         found = ask(shield, scene, f"obstacle({side}, Car, Gap, Needed)")
         assert [(row["Car"], row["Gap"], row["Needed"]) for row in found] == [
             (car.id, oracle.gap(car), oracle.needed_gap(car)) for car in oracle.obstacles(side)
