@@ -11,13 +11,15 @@ import tempfile
 import warnings
 import zipfile
 import zlib
-from dataclasses import asdict, fields
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from drlsl.traffic.recording import Dropped, Frames, Recording, VehicleClass
+from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.sources import Source
 
@@ -27,7 +29,7 @@ LOADER_VERSION = 1
 SAMPLE = 1 << 16
 """Bytes at either end of a file that go into its fingerprint, besides its size and time of change."""
 
-BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error)
+BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile, zlib.error)
 """What reading a damaged cache file raises."""
 
 
@@ -54,11 +56,10 @@ def read_cached(source: Source) -> Recording | None:
             facts = json.loads(str(stored["facts"]))
             if facts["fingerprint"] != _fingerprint(source):
                 return None
-            arrays = {item.name: stored[item.name] for item in fields(Frames)}
-            classes = {
-                int(vehicle): VehicleClass(facts["classes"][code])
-                for vehicle, code in zip(stored["vehicles"], stored["codes"], strict=True)
-            }
+            arrays = _padded(tuple(facts["shape"]), stored)
+            kinds = [VehicleClass(kind) for kind in facts["classes"]]
+            codes = dict(zip(stored["vehicles"].tolist(), stored["codes"].tolist(), strict=True))
+        classes = {vehicle: kinds[code] for vehicle, code in codes.items()}
         return _recording(facts, arrays, classes)
     except FileNotFoundError:
         return None
@@ -83,14 +84,17 @@ def write_cached(source: Source, recording: Recording) -> None:
         "dropped": [asdict(item) for item in recording.dropped],
         "notes": recording.notes,
         "classes": classes,
+        "shape": recording.frames.valid.shape,
     }
+    present = recording.frames.valid
     arrays: dict[str, Any] = {
         "facts": np.array(json.dumps(facts)),
         "vehicles": np.array(list(recording.vehicle_class), dtype=np.int32),
         "codes": np.array(
             [classes.index(kind.value) for kind in recording.vehicle_class.values()], dtype=np.int8
         ),
-        **dict(recording.frames.arrays()),
+        "cells": np.flatnonzero(present).astype(np.int32),
+        **{name: array[present] for name, array in recording.frames.arrays() if name != "valid"},
     }
     path = _cache_file(source)
     try:
@@ -106,6 +110,20 @@ def write_cached(source: Source, recording: Recording) -> None:
                 raise
     except OSError as error:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
+
+
+def _padded(shape: tuple[int, int], stored: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of Frames from the values of the slots that hold a vehicle, all that is stored."""
+    valid = np.zeros(shape[0] * shape[1], dtype=np.bool_)
+    valid[stored["cells"]] = True
+    full, empty = np.flatnonzero(valid), np.flatnonzero(~valid)
+    arrays: dict[str, npt.NDArray[Any]] = {"valid": valid.reshape(shape)}
+    for name in EMPTY_SLOT.keys() - arrays.keys():
+        values = stored[name]
+        array = np.empty(len(valid), dtype=values.dtype)
+        array[full], array[empty] = values, EMPTY_SLOT[name]
+        arrays[name] = array.reshape(shape)
+    return arrays
 
 
 def _recording(facts: dict[str, Any], arrays: dict[str, Any], classes: dict[int, VehicleClass]) -> Recording:

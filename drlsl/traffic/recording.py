@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
+from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -24,6 +26,18 @@ NO_VEHICLE = -1
 
 OFF_LANE = 0
 """`Frames.lane` of a vehicle whose centre lies in none of the recording's lanes: ramp, shoulder, median."""
+
+
+EMPTY_SLOT: Mapping[str, float] = MappingProxyType(
+    {
+        "vehicle": NO_VEHICLE,
+        "lane": OFF_LANE,
+        **dict.fromkeys(("x", "y", "vx", "vy", "length", "width"), math.nan),
+        "first": NO_VEHICLE,
+        "valid": False,
+    }
+)
+"""What each array of Frames holds where there is no vehicle."""
 
 
 class VehicleClass(Enum):
@@ -47,8 +61,8 @@ class Frames:
     """Vehicles per frame, padded to one rectangle; read-only arrays of shape (F, K), or (n,) for one frame.
 
     A vehicle keeps its slot (column) for as long as it is seen without a gap, so `x[t, k] - x[t - 1, k]` is a
-    step of one vehicle wherever `first[t, k] < t`. Empty slots hold NO_VEHICLE in `vehicle` and `first`,
-    OFF_LANE in `lane` and NaN in the floats, so that a forgotten mask shows.
+    step of one vehicle wherever `first[t, k] < t`. Empty slots hold EMPTY_SLOT, NaN in the floats, so that a
+    forgotten mask shows.
     """
 
     vehicle: Ids

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.recording import NO_VEHICLE, OFF_LANE, Dropped, Floats, Frames, Ids, LaneIds
+from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, Floats, Frames, Ids, LaneIds
 from drlsl.traffic.road import Lane
 
 FLOAT_COLUMNS = ("x", "y", "vx", "vy", "length", "width")
@@ -99,18 +99,18 @@ def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
         )
     rows, columns = tracks.frame, np.repeat(slots, lengths)
 
-    def spread(values: npt.NDArray[Any], fill: float, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        array = np.full((count, capacity), fill, dtype=dtype)
+    def spread(name: str, values: npt.NDArray[Any], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        array = np.full((count, capacity), EMPTY_SLOT[name], dtype=dtype)
         array[rows, columns] = values
         return array
 
-    vehicle = spread(tracks.vehicle, NO_VEHICLE, np.int32)
+    vehicle = spread("vehicle", tracks.vehicle, np.int32)
     return Frames(
         vehicle=vehicle,
-        lane=spread(lane, OFF_LANE, np.int16),
-        first=spread(np.repeat(first_frame, lengths), NO_VEHICLE, np.int32),
+        lane=spread("lane", lane, np.int16),
+        first=spread("first", np.repeat(first_frame, lengths), np.int32),
         valid=vehicle != NO_VEHICLE,
-        **{column: spread(getattr(tracks, column), np.nan, np.float64) for column in FLOAT_COLUMNS},
+        **{column: spread(column, getattr(tracks, column), np.float64) for column in FLOAT_COLUMNS},
     )
 
 
