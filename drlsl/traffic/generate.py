@@ -191,6 +191,16 @@ freeway resembles US-101 in the rush hour: five lanes of 12 ft, 65 mph, traffic 
 """
 
 
+def find_preset(name: str) -> Preset:
+    """The preset of this name.
+
+    Raises: UserError where there is none.
+    """
+    if name not in PRESETS:
+        raise UserError(f"no preset {name!r}; there are {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
 def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
     """Simulate a road and record the stretch in its middle.
 

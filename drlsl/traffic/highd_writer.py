@@ -40,6 +40,17 @@ class HighdContent:
     speed_limit: float | None
 
 
+def check_folder(folder: Path, *, force: bool) -> None:
+    """Whether a recording may be written there, asked before the work of making it.
+
+    Raises: UserError where the folder exists and `force` is not given, or where it is a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"{folder}: is a file, expected a folder to write")
+    if folder.exists() and not force:
+        raise UserError(f"{folder}: exists already; choose another folder or add --force to replace it")
+
+
 def write_highd(
     content: HighdContent, folder: Path, part: str = "01", *, force: bool = False, compress: bool = False
 ) -> Path:
@@ -47,8 +58,7 @@ def write_highd(
 
     Raises: UserError where the folder exists and `force` is not given, or cannot be written.
     """
-    if folder.exists() and not force:
-        raise UserError(f"{folder}: exists already; choose another folder or add --force to replace it")
+    check_folder(folder, force=force)
     tables = {
         "tracks": _tracks_table(content),
         "tracksMeta": _vehicles_table(content),

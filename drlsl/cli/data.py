@@ -1,0 +1,187 @@
+"""`drlsl data`: look at recordings of traffic, and make new ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from drlsl.traffic.report import RecordingReport, Spread
+
+app = typer.Typer(help="Look at recordings of traffic, and make new ones.", no_args_is_help=True)
+
+PathArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="RECORDING",
+        help="A bundled recording's name, a highD folder or an NGSIM table; #PART chooses one of several.",
+        show_default=False,
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+
+
+@app.command("list")
+def list_recordings(as_json: JsonOption = False) -> None:
+    """List the recordings that come with DRLSL."""
+    from drlsl.traffic.load import bundled_recordings, load_recording
+
+    recordings = [load_recording(name) for name in bundled_recordings()]
+    if as_json:
+        rows = [
+            {
+                "name": recording.name,
+                "duration_s": recording.duration,
+                "frame_rate_hz": recording.frame_rate,
+                "vehicles": len(recording.vehicle_class),
+                "lanes": {way.value: len(recording.lanes_of(way)) for way in recording.directions},
+            }
+            for recording in recordings
+        ]
+        typer.echo(json.dumps(rows, indent=2))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("recording", "minutes", "frames/s", "vehicles", "lanes", title="Bundled recordings")
+    for recording in recordings:
+        ways = ((way, len(recording.lanes_of(way))) for way in recording.directions)
+        table.add_row(
+            recording.name,
+            f"{recording.duration / 60:.1f}",
+            f"{recording.frame_rate:g}",
+            str(len(recording.vehicle_class)),
+            ", ".join(f"{count} {_words(way.value)}" for way, count in ways),
+        )
+    Console().print(table)
+
+
+@app.command()
+def info(
+    path: PathArgument,
+    as_json: JsonOption = False,
+    cache: Annotated[bool, typer.Option(help="Use and keep a copy that loads faster.")] = True,
+) -> None:
+    """Describe a recording: vehicles, lanes, speeds, gaps, and what was dropped from its files."""
+    from dataclasses import asdict
+
+    from drlsl.traffic.load import load_recording
+    from drlsl.traffic.report import recording_report
+
+    report = recording_report(load_recording(path, cache=cache))
+    if as_json:
+        typer.echo(json.dumps(asdict(report), indent=2))
+        return
+    from rich.console import Console
+
+    console = Console()
+    for table in (_summary(report), _lane_table(report)):
+        console.print(table)
+    for item in report.dropped:
+        console.print(f"dropped: {item.rows:,} rows: {item.reason}", markup=False, highlight=False)
+    for note in report.notes:
+        console.print(f"note: {note}", markup=False, highlight=False)
+
+
+@app.command()
+def generate(
+    out: Annotated[Path, typer.Option(help="Folder to write, in highD layout.", show_default=False)],
+    preset: Annotated[
+        str, typer.Option(help="Kind of road and traffic: highway-train, highway-test or freeway.")
+    ] = "highway-train",
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the traffic; the preset's by default.")
+    ] = None,
+    minutes: Annotated[float | None, typer.Option(help="Length; the preset's by default.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the folder if it exists.")] = False,
+    compress: Annotated[bool, typer.Option("--compress", help="Write .csv.xz instead of .csv.")] = False,
+) -> None:
+    """Make a synthetic recording with the traffic simulator SUMO (extra `sumo`)."""
+    from drlsl.traffic.generate import find_preset, simulate
+    from drlsl.traffic.highd_writer import check_folder, write_highd
+
+    check_folder(out, force=force)
+    chosen = find_preset(preset)
+    content = simulate(
+        chosen,
+        seed=chosen.seed if seed is None else seed,
+        minutes=chosen.minutes if minutes is None else minutes,
+    )
+    write_highd(content, out, force=force, compress=compress)
+    typer.echo(f"{out}: {len(content.vehicle_class)} vehicles, {len(content.tracks):,} rows")
+
+
+def _words(value: str) -> str:
+    return value.replace("_", " ")
+
+
+def _summary(report: RecordingReport) -> Table:
+    from rich.table import Table
+
+    table = Table(title=report.name, show_header=False)
+    kinds = f"{report.cars} cars, {report.trucks} trucks"
+    if report.motorcycles:
+        kinds += f", {report.motorcycles} motorcycles"
+    rows = {
+        "duration": f"{report.duration_s:.1f} s, {report.frames:,} frames at {report.frame_rate_hz:g} Hz",
+        "road": f"{report.x_min_m:.1f} to {report.x_max_m:.1f} m",
+        "vehicles": f"{report.vehicles} ({kinds}), at most {report.most_in_one_frame} at once",
+        "rows": f"{report.rows:,}, of which {report.rows_off_lane:,} in no lane",
+        "gap to leader": _spread(report.gap_m, "m"),
+        "time headway": _spread(report.time_headway_s, "s"),
+        "lane changes": f"{report.lane_changes}",
+        "appearances": f"{report.appearances}, of which {report.appearances_mid_road} mid-road",
+        "overlapping boxes": f"{report.overlaps} (pairs, counted once a frame)",
+        "lateral speed": f"at most {report.largest_lateral_speed_m_s:.2f} m/s",
+    }
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table
+
+
+def _spread(spread: Spread | None, unit: str) -> str:
+    if spread is None:
+        return "none"
+    low, middle, high = f"{spread.p5:.1f}", f"{spread.p50:.1f}", f"{spread.p95:.1f}"
+    return f"min {spread.minimum:.1f}, 5% {low}, median {middle}, 95% {high} {unit}"
+
+
+def _lane_table(report: RecordingReport) -> Table:
+    from rich.table import Table
+
+    table = Table("lane", "direction", title="Lanes")
+    for heading in (
+        "centre [m]",
+        "width [m]",
+        "limit [m/s]",
+        "vehicles",
+        "veh/km",
+        "mean [m/s]",
+        "min",
+        "max",
+    ):
+        table.add_column(heading, justify="right")
+    table.add_column("median gap (m)", justify="right")
+    for lane in report.lanes:
+        speed, gap = lane.speed_m_s, lane.gap_m
+        table.add_row(
+            str(lane.id),
+            _words(lane.direction),
+            f"{lane.centre_m:.2f}",
+            f"{lane.width_m:.2f}",
+            f"{lane.speed_limit_m_s:.1f}",
+            str(lane.vehicles),
+            f"{lane.density_veh_per_km:.1f}",
+            *(
+                [f"{value:.1f}" for value in (speed.mean, speed.minimum, speed.maximum)]
+                if speed
+                else ["-"] * 3
+            ),
+            f"{gap.p50:.1f}" if gap else "-",
+        )
+    return table
