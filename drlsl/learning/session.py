@@ -3,8 +3,6 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import torch
-
 from drlsl import driving
 from drlsl.config import TrainConfig
 from drlsl.errors import UserError
@@ -33,7 +31,6 @@ class Session:
         Raises:
             UserError: the environment cannot be made, or the folder is occupied.
         """
-        torch.set_num_threads(config.threads)
         env = driving.make_env(config.env)
         trainer = Trainer(env, config)
         session = cls(RunFolder.create(root, config, force=force), env, trainer)
@@ -53,7 +50,6 @@ class Session:
             raise UserError(
                 f"{root}: config.yaml was changed after the checkpoint; undo that, or use --force"
             )
-        torch.set_num_threads(folder.config.threads)
         env = driving.make_env(folder.config.env)
         trainer = Trainer(env, folder.config)
         trainer.set_state(state["trainer"])
@@ -101,7 +97,6 @@ def load_policy(folder: RunFolder, env: Highway) -> Policy:
     Raises:
         UserError: the weights are missing, damaged, or of another network than config.yaml describes.
     """
-    torch.set_num_threads(folder.config.threads)
     state = load_state(folder.policy, "policy")
     agent, _ = make_learner(env, folder.config)
     network: QNetwork = agent.network

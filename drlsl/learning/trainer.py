@@ -135,6 +135,8 @@ class Trainer:
 def make_learner(env: Highway, config: TrainConfig) -> tuple[DqnAgent, Replay]:
     """An untrained agent and an empty replay memory, with their own random streams from the run's seed.
 
+    Sets PyTorch's number of threads for the process.
+
     Raises:
         TypeError: the environment's spaces are not a vector of observed values and discrete actions.
         UserError: the configured device is not there.
@@ -144,6 +146,7 @@ def make_learner(env: Highway, config: TrainConfig) -> tuple[DqnAgent, Replay]:
         raise TypeError(f"expected a vector of observed values, got {observations}")
     if not isinstance(actions, gymnasium.spaces.Discrete):
         raise TypeError(f"expected discrete actions, got {actions}")
+    torch.set_num_threads(config.threads)
     size, count = observations.shape[0], int(actions.n)
     weights, exploration, minibatches = np.random.SeedSequence(config.seed).spawn(3)
     agent = DqnAgent(
