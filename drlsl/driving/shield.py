@@ -74,7 +74,7 @@ class Shield:
                 f"the rule program does not define {', '.join(missing)}; rules/highway.pl shows what is asked"
             )
         self.engine = engine
-        self._gives_lane = engine.defines("lane_to_keep", 1)
+        self.gives_lane = engine.defines("lane_to_keep", 1)
         self._road: Road | None = None
         self._safe_actions = engine.prepare("safe_actions(Action)")
         self._front_is_free = engine.prepare("front_is_free")
@@ -115,17 +115,20 @@ class Shield:
         """
         self.state_facts(scene)
         try:
-            return self._checked(
+            return self.checked(
                 actions=[solution["Action"] for solution in self._safe_actions.solutions(LIMITS)],
-                speed=_value(self._velocity.once(LIMITS), "Speed", "longitudinal_velocity/1"),
-                observation=_value(self._state.once(LIMITS), "Observation", "state/1"),
+                speed=_value(self._velocity.once(LIMITS), "Speed"),
+                observation=_value(self._state.once(LIMITS), "Observation"),
                 front_is_free=self._front_is_free.once(LIMITS) is not None,
-                lane=_value(self._lane_to_keep.once(LIMITS), "Lane", "lane_to_keep/1")
-                if self._gives_lane
+                lane=_value(self._lane_to_keep.once(LIMITS), "Lane")
+                if self.gives_lane
                 else scene.target_lane,
             )
         except (PrologError, LimitExceeded) as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error
+
+    def _kept_lane(self) -> object:
+        return _value(self._lane_to_keep.once(LIMITS), "Lane")
 
     def entry_is_safe(self, scene: Scene) -> bool:
         """Whether the ego may be placed where `scene` has it.
@@ -168,13 +171,25 @@ class Shield:
         for (name, arity), rows in scene_facts(scene).items():
             self.engine.replace_facts(name, arity, rows)
 
-    def _checked(
+    def checked(
         self, *, actions: list[object], speed: object, observation: object, front_is_free: bool, lane: object
     ) -> Decision:
-        """The decision, after every answer has been found usable."""
+        """The decision that a tier's answers make; an answer that is None has no solution.
+
+        Raises:
+            RuleFailure: an answer is not usable.
+            UserError: the rules offer an action that the agent does not know.
+        """
         safe = tuple(dict.fromkeys(action_of_atom(atom) for atom in actions))
         if not safe:
             raise RuleFailure("the rules offer no action")
+        for predicate, answer in (
+            ("longitudinal_velocity/1", speed),
+            ("state/1", observation),
+            ("lane_to_keep/1", lane),
+        ):
+            if answer is None:
+                raise RuleFailure(f"{predicate} has no solution")
         if not _is_number(speed) or speed < 0:
             raise RuleFailure(f"longitudinal_velocity/1 gave {speed!r}; expected a speed in m/s, 0 or more")
         if not isinstance(observation, list) or len(observation) != OBSERVATION_SIZE:
@@ -203,7 +218,5 @@ def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and math.isfinite(value)
 
 
-def _value(solution: Solution | None, variable: str, predicate: str) -> object:
-    if solution is None:
-        raise RuleFailure(f"{predicate} has no solution")
-    return solution[variable]
+def _value(solution: Solution | None, variable: str) -> object:
+    return None if solution is None else solution[variable]

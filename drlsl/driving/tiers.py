@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+import logging
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
 from drlsl.driving.batch import FAIL_SAFE_MASK, Decisions, SceneBatch, fail_safe_speed
+from drlsl.driving.lowered import NotLowerable, ScalarAsker
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import OBSERVATION_SIZE, Decision, RuleFailure
 
 if TYPE_CHECKING:
     from drlsl.driving.shield import Shield
+from drlsl.errors import UserError
+
+_log: Final = logging.getLogger(__name__)
 
 
 class ArrayTier(Protocol):
@@ -102,4 +107,12 @@ def choose_tier(shield: Shield, requested: str) -> ArrayTier:
     Raises:
         UserError: the tier that was asked for cannot run the program.
     """
-    return SceneBySceneTier("interpreter", shield)
+    if requested == "interpreter":
+        return SceneBySceneTier("interpreter", shield)
+    try:
+        return SceneBySceneTier("scalar", ScalarAsker(shield))
+    except NotLowerable as problem:
+        if requested != "auto":
+            raise UserError(f"the {requested} tier cannot run these rules: {problem}") from problem
+        _log.warning("the rules run on the interpreter, which is slow: %s", problem)
+        return SceneBySceneTier("interpreter", shield)

@@ -1,0 +1,135 @@
+"""The shield: what it asks of a program, and what happens when a program fails."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from drlsl.driving.actions import Action
+from drlsl.driving.batch import SceneBatch, fail_safe_speed
+from drlsl.driving.scene import EGO, Scene, Vehicle
+from drlsl.driving.shield import RuleFailure, Shield
+from drlsl.errors import UserError
+from drlsl.logic import Engine, PrologSyntaxError
+from tests.scenes import road, scenes
+
+SCENE = Scene(road(0, 3), Vehicle(EGO, 2, 0.0, 7.25, 30.0, 0.0, 4.6, 1.9), (), 2)
+
+USABLE = {
+    "safe_actions": "safe_actions(lane_keeping).",
+    "front_is_free": "front_is_free.",
+    "longitudinal_velocity": "longitudinal_velocity(20.0).",
+    "state": "state([0, 0, 0, 0, 0, 0, 0, 0, 0.5, 1]).",
+    "entry_is_safe": "entry_is_safe.",
+}
+
+
+def shield(tier: str = "interpreter", **changes: str) -> Shield:
+    """The shield of a program in which some predicates are written otherwise."""
+    engine = Engine()
+    engine.consult_text("\n".join({**USABLE, **changes}.values()))
+    return Shield(engine, tier=tier)
+
+
+def test_a_small_program_is_enough() -> None:
+    decision = shield().decide(SCENE)
+    assert decision.safe_actions == (Action.LANE_KEEPING,)
+    assert decision.action_mask == (1, 0, 0)
+    assert decision.target_speed == 20.0
+    assert decision.lane_to_keep == SCENE.target_lane
+
+
+@pytest.mark.parametrize("name", USABLE)
+def test_a_program_that_lacks_a_predicate_is_refused(name: str) -> None:
+    with pytest.raises(UserError, match=name):
+        shield(**{name: ""})
+
+
+def test_an_atom_that_names_no_action_is_an_error_and_never_an_action() -> None:
+    with pytest.raises(UserError, match="'lane_change', which the agent does not know"):
+        shield(safe_actions="safe_actions(lane_change).").decide(SCENE)
+    with pytest.raises(UserError, match="does not know"):
+        shield(safe_actions="safe_actions(lane_change).").decide_batch(SceneBatch.of([SCENE]))
+
+
+FAILURES = {
+    "no action": {"safe_actions": "safe_actions(_) :- fail."},
+    "instantiation": {"longitudinal_velocity": "longitudinal_velocity(V) :- V is _ + 1."},
+    "type": {"front_is_free": "front_is_free :- atom_length(1, a)."},
+    "unknown predicate": {"safe_actions": "safe_actions(lane_keeping) :- nobody_defined_this."},
+    "zero division": {"longitudinal_velocity": "longitudinal_velocity(V) :- V is 1.0 / 0.0."},
+    "thrown": {"state": "state(_) :- throw(oops)."},
+    "no speed": {"longitudinal_velocity": "longitudinal_velocity(_) :- fail."},
+    "negative speed": {"longitudinal_velocity": "longitudinal_velocity(-0.1)."},
+    "atom as speed": {"longitudinal_velocity": "longitudinal_velocity(fast)."},
+    "short observation": {"state": "state([0, 1])."},
+    "observation out of range": {"state": "state([0, 0, 0, 0, 0, 0, 0, 0, 0.5, 1.5])."},
+    "observation of atoms": {"state": "state([a, 0, 0, 0, 0, 0, 0, 0, 0.5, 1])."},
+    "endless": {"safe_actions": "safe_actions(X) :- safe_actions(X)."},
+}
+
+
+@pytest.mark.parametrize("changes", FAILURES.values(), ids=FAILURES)
+def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str]) -> None:
+    failing = shield(**changes)
+    with pytest.raises(RuleFailure):
+        failing.decide(SCENE)
+    decisions = failing.decide_batch(SceneBatch.of([SCENE]))
+    assert decisions.action_mask.tolist() == [[True, False, False]]
+    assert decisions.target_speed[0] == fail_safe_speed(30.0, SCENE.road) == pytest.approx(30.0 - 8.0 * 0.04)
+    assert decisions.lane_to_keep[0] == SCENE.target_lane
+    assert set(decisions.failures) == {0}
+    assert decisions.failures[0]
+
+
+def test_only_the_failing_scene_of_a_batch_takes_the_fail_safe() -> None:
+    picky = shield(
+        front_is_free="front_is_free.\n:- dynamic(vehicle/8).",
+        longitudinal_velocity="longitudinal_velocity(V) :- vehicle(ego, _, _, _, Vx, _, _, _), V is 10.0 / Vx.",
+    )
+    standing = Scene(SCENE.road, SCENE.ego._replace(vx=0.0), (), 2)
+    decisions = picky.decide_batch(SceneBatch.of([SCENE, standing]))
+    assert set(decisions.failures) == {1}
+    assert decisions.target_speed[0] == pytest.approx(1 / 3)
+
+
+def test_files_that_cannot_be_used(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot read the rule file"):
+        Shield.from_files([tmp_path / "none.pl"])
+    (tmp_path / "bad.pl").write_text("safe_actions(lane_keeping).\nfront_is_free :- ( .\n")
+    with pytest.raises(PrologSyntaxError, match=r"bad\.pl:2:"):
+        Shield.from_files([tmp_path / "bad.pl"])
+
+
+@given(scene=scenes())
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_a_batch_answers_as_its_scenes_do(scene: Scene) -> None:
+    default = Shield.default()
+    decision = default.decide(scene)
+    decisions = default.decide_batch(SceneBatch.of([SCENE, scene]))
+    assert decisions.action_mask[1].tolist() == list(map(bool, decision.action_mask))
+    assert decisions.target_speed[1] == decision.target_speed
+    assert decisions.observation[1].tolist() == list(decision.observation)
+    assert not decisions.failures
+
+
+@given(scene=scenes())
+@settings(max_examples=60, deadline=None)
+def test_a_batch_gives_its_scenes_back(scene: Scene) -> None:
+    seen = scene.in_range()
+    again = SceneBatch.of([SCENE, scene]).scene(1)
+    assert again.ego == scene.ego
+    assert [car[1:] for car in again.vehicles] == [car[1:] for car in seen]
+    assert all(math.isfinite(number) for car in again.vehicles for number in car[2:])
+
+
+def test_facts_are_replaced_between_scenes() -> None:
+    default = Shield.default()
+    alongside = Vehicle("v1", 1, 0.0, 1.75, 30.0, 0.0, 4.6, 1.9)
+    crowded = Scene(SCENE.road, SCENE.ego, (alongside,), 2)
+    first = default.decide(SCENE)
+    assert default.decide(crowded) != first
+    assert default.decide(SCENE) == first

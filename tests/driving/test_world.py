@@ -1,0 +1,189 @@
+"""The world: what egos meet, where they enter, how their episodes end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drlsl.driving.actions import Action
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.entry import find_entry
+from drlsl.driving.fault import Verdict
+from drlsl.driving.playback import Playback
+from drlsl.driving.shield import Shield
+from drlsl.driving.world import StepResult, World
+from drlsl.errors import UserError
+from drlsl.traffic.recording import Recording
+from drlsl.traffic.road import Direction
+from tests.driving.recordings import LANES, LENGTH, Drive, recording
+
+KEEP, LEFT, RIGHT = (np.array([action]) for action in Action)
+EMPTY = [Drive(1, 410.0, 1.0), Drive(3, 5.0, 0.0)]
+"""Nearly no traffic: a recording needs a vehicle, and these are far from where the ego drives."""
+
+
+@pytest.fixture(scope="module")
+def shield() -> Shield:
+    return Shield.default()
+
+
+def world(shield: Shield, made: Recording, direction: str = "left_to_right", **settings: object) -> World:
+    config = EnvConfig(recording="by-hand", direction=direction, **settings)  # type: ignore[arg-type]  # test values
+    return World(config, [made], shield, 1)
+
+
+def started(one: World, seed: int = 0) -> World:
+    one.reset([0], [np.random.default_rng(seed)])
+    return one
+
+
+def drive(one: World, actions: list[np.ndarray]) -> list[StepResult]:
+    results = []
+    for action in actions:
+        results.append(one.step(action))
+        if results[-1].terminated[0] or results[-1].truncated[0]:
+            break
+    return results
+
+
+@pytest.mark.parametrize(("direction", "lanes"), [("left_to_right", {3, 4, 5}), ("right_to_left", {1, 2})])
+def test_the_ego_drives_its_own_way(shield: Shield, direction: str, lanes: set[int]) -> None:
+    one = started(world(shield, recording(EMPTY), direction))
+    before = one.scene(0).ego
+    after = drive(one, [KEEP] * 10)[-1].scenes.scene(0).ego
+    sign = Direction(direction).sign
+    assert before.lane in lanes
+    assert sign * (after.x - before.x) > 0
+    assert sign * after.vx > 0
+
+
+@pytest.mark.parametrize("direction", ["left_to_right", "right_to_left"])
+@pytest.mark.parametrize("action", [LEFT, RIGHT])
+def test_left_is_the_drivers_left(shield: Shield, direction: str, action: np.ndarray) -> None:
+    one = started(world(shield, recording(EMPTY), direction))
+    before = one.scene(0).ego
+    after = drive(one, [action] + [KEEP] * 20)[-1].scenes.scene(0).ego
+    downward = (action is RIGHT) == (direction == "left_to_right")
+    assert (after.y > before.y) == downward
+    assert after.y != before.y
+
+
+def test_a_lane_change_ends_in_the_next_lane_and_is_charged_once(shield: Shield) -> None:
+    one = started(world(shield, recording(EMPTY)))
+    while one.scene(0).ego.lane != 4:
+        started(one, one.frame_of(0) + 1)
+    results = drive(one, [LEFT] * 60 + [KEEP] * 60)
+    assert results[0].changed[0]
+    assert results[-1].scenes.scene(0).ego.lane == 3
+    assert sum(result.rewards["lane_change"][0] for result in results[:60]) == -5.0
+    assert results[-1].scenes.scene(0).ego.y == pytest.approx(LANES[2].centre, abs=0.1)
+
+
+def test_leaving_the_road_ends_the_episode(shield: Shield) -> None:
+    one = started(world(shield, recording(EMPTY)))
+    results = drive(one, [LEFT] * 400)
+    assert results[-1].terminated[0]
+    assert results[-1].off_road[0]
+    assert not results[-1].contacts
+    assert results[-1].rewards["off_road"][0] < 0
+    assert any(results[-1].decisions.action_mask[0])
+
+
+def test_a_faster_follower_runs_into_the_ego_and_is_to_blame(shield: Shield) -> None:
+    slow = [Drive(lane, 200.0, 5.0) for lane in (3, 4, 5)]
+    fast = [Drive(lane, 0.0, 45.0, begin=80) for lane in (3, 4, 5)]
+    one = started(world(shield, recording(slow + fast)))
+    result = drive(one, [KEEP] * 400)[-1]
+    assert result.terminated[0]
+    assert result.contacts[0].verdict is Verdict.STRUCK_FROM_BEHIND
+    assert result.rewards["collision"][0] < 0
+
+
+def test_the_ego_stops_behind_standing_traffic(shield: Shield) -> None:
+    jam = [Drive(lane, 300.0, 0.0) for lane in (3, 4, 5)]
+    one = started(world(shield, recording(jam, frames=700)))
+    results = drive(one, [KEEP] * 500)
+    ego = results[-1].scenes.scene(0).ego
+    assert not any(result.contacts for result in results)
+    assert abs(ego.vx) < 1.0
+    assert 0.0 < 300.0 - ego.x - 4.6 < 8.0
+
+
+def test_the_end_of_the_stretch_is_the_beginning(shield: Shield) -> None:
+    one = started(world(shield, recording(EMPTY, frames=2000), track_length=500.0))
+    results = drive(one, [KEEP] * 2000)
+    entered = [result for result in results if result.entered[0]]
+    assert results[-1].truncated[0]
+    assert not results[-1].terminated[0]
+    assert entered
+    assert 500.0 <= one.distance[0] < 502.0
+    assert all(60.0 <= result.scenes.scene(0).ego.x <= 140.0 for result in entered)
+
+
+def test_the_end_of_the_recording_is_not_the_end_of_the_episode(shield: Shield) -> None:
+    one = started(world(shield, recording(EMPTY, frames=30), track_length=200.0))
+    results = drive(one, [KEEP] * 400)
+    assert results[-1].truncated[0]
+    assert sum(result.entered[0] for result in results) > 2
+
+
+def test_an_episode_is_a_function_of_its_seed(shield: Shield) -> None:
+    made = recording([Drive(4, 100.0, 25.0), Drive(3, 60.0, 30.0), *EMPTY])
+    runs = []
+    for _ in range(2):
+        one = started(world(shield, made, "both"), seed=7)
+        runs.append([result.scenes.scene(0) for result in drive(one, [LEFT] + [KEEP] * 30)])
+    assert runs[0] == runs[1]
+
+
+def test_egos_do_not_influence_each_other(shield: Shield) -> None:
+    made = recording([Drive(4, 100.0, 25.0), Drive(3, 60.0, 30.0), *EMPTY])
+    config = EnvConfig(recording="by-hand")
+    many = World(config, [made], shield, 3)
+    many.reset([0, 1, 2], [np.random.default_rng(seed) for seed in (5, 6, 7)])
+    alone = World(config, [made], shield, 1)
+    alone.reset([0], [np.random.default_rng(6)])
+    for _ in range(40):
+        together = many.step(np.array([0, 1, 0]))
+        single = alone.step(np.array([1]))
+        assert together.scenes.scene(1) == single.scenes.scene(0)
+        assert together.reward[1] == single.reward[0]
+        assert (together.decisions.observation[1] == single.decisions.observation[0]).all()
+
+
+def test_an_unknown_action_is_refused(shield: Shield) -> None:
+    with pytest.raises(UserError, match="unknown action"):
+        started(world(shield, recording(EMPTY))).step(np.array([3]))
+
+
+def test_a_direction_without_lanes_is_refused(shield: Shield) -> None:
+    made = recording(EMPTY)
+    upper = Recording(
+        **{
+            name: getattr(made, name)
+            for name in made.__slots__
+            if name not in ("lanes", "frames", "vehicle_class")
+        },
+        lanes=LANES[:2],
+        frames=made.frames,
+        vehicle_class=made.vehicle_class,
+    )
+    with pytest.raises(UserError, match="no lane runs left_to_right"):
+        world(shield, upper)
+
+
+def test_the_entry_is_a_gap_that_the_rules_call_safe(shield: Shield) -> None:
+    made = recording([Drive(lane, x, 20.0) for lane in (3, 4) for x in np.arange(0.0, LENGTH, 12.0)])
+    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, radar_range=100.0)
+    for seed in range(5):
+        entry = find_entry(playback, shield, np.random.default_rng(seed), frame=0, size=(4.6, 1.9))
+        assert entry.lane.id == 5
+
+
+def test_a_road_without_a_gap_is_refused(shield: Shield) -> None:
+    made = recording(
+        [Drive(lane, x, 0.0) for lane in (3, 4, 5) for x in np.arange(0.0, LENGTH, 12.0)], frames=5
+    )
+    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, radar_range=100.0)
+    with pytest.raises(UserError, match="no gap that the rules call safe"):
+        find_entry(playback, shield, np.random.default_rng(0), frame=0, size=(4.6, 1.9))
