@@ -4,7 +4,7 @@ Every operation is total: where Prolog would raise an error its value means noth
 value is kept apart. The bounds of a result follow from those of the arguments, so most conditions are known to hold
 when a program is lowered.
 
-Source: ISO 13211-1, 9, as `drlsl.logic.arithmetic` reads it with the flag `iso` off.
+Source: ISO 13211-1, 9, as `drlsl.logic.arithmetic` reads it.
 """
 
 from __future__ import annotations
@@ -111,10 +111,14 @@ class NotCovered(Exception):
 
 
 class Arithmetic:
-    """Evaluates one expression; `needed` collects the conditions under which it has a value."""
+    """Evaluates one expression; `needed` collects the conditions under which it has a value.
 
-    def __init__(self, pool: Pool) -> None:
+    With the flag `iso` on, ``/`` and ``**`` of integers give a float.
+    """
+
+    def __init__(self, pool: Pool, *, iso: bool) -> None:
         self.pool = pool
+        self.iso = iso
         self.needed: list[Node] = []
 
     def need(self, cond: Node) -> None:
@@ -228,6 +232,8 @@ class Arithmetic:
                 return self._within(self._make(_BIT_OPERATIONS[name], "int", (left, right), UNKNOWN))
             return self._int_division(_INT_DIVISIONS[name], left, right)
         if name in ("**", "^"):
+            if name == "**" and self.iso:
+                left, right = self.to_float(left), self.to_float(right)
             return self._power(left, right)
         raise NotCovered(f"generated code has no {name}/2")
 
@@ -295,6 +301,8 @@ class Arithmetic:
         return self._within(self._make("mul", kind, (left, right), (low, max(corners))))
 
     def _divide(self, left: Node, right: Node) -> Node:
+        if left.kind == right.kind == "int" and self.iso:
+            return self._quotient(self.to_float(left), self.to_float(right))
         if left.kind == right.kind == "int":
             self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))))
             rest = self._make("mod", "int", (left, right), _mod_bounds(right))

@@ -452,8 +452,27 @@ class _Printer:
         if answer.query.mode == "first" and answer.terms is not None:
             value = self._terms(answer.terms)
             return value if answer.found is self.pool.true else f"{value} if {self.text(answer.found, _OR)} else None"
+        if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
+            return self._chosen(answer)
         name = self._solutions(answer.tree, answer.query.name)
+        if answer.query.mode == "set":
+            return f"[item for n, item in enumerate({name}) if item not in {name}[:n]]"
         return name if answer.query.mode == "all" else f"{name}[0] if {name} else None"
+
+    def _chosen(self, answer: Answer) -> str:
+        """The list of the values that are solutions."""
+        name = self.names.new(answer.query.name)
+        sure = [value for value, cond in answer.choices or () if cond is self.pool.true]
+        assert answer.choices is not None
+        start = sure[:1] if answer.choices[:1] == tuple((value, self.pool.true) for value in sure[:1]) else []
+        self.write(f"{name} = [{', '.join(map(self._term, start))}]")
+        for value, cond in answer.choices[len(start) :]:
+            if cond is self.pool.true:
+                self.write(f"{name}.append({self._term(value)})")
+                continue
+            with self.block(f"if {self.text(cond, _CHOICE)}:"):
+                self.write(f"{name}.append({self._term(value)})")
+        return name
 
     def _solutions(self, tree: Tree, hint: str) -> str:
         """The list of all solutions of a tree."""
@@ -530,6 +549,8 @@ def _roots(answer: Answer) -> list[Node]:
         return [answer.found]
     if answer.query.mode == "first" and answer.terms is not None:
         return [answer.found, *(node for term in answer.terms for node in _nodes(term))]
+    if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
+        return [cond for _, cond in answer.choices]
     return list(_tree_nodes(answer.tree))
 
 

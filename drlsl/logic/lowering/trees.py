@@ -118,6 +118,14 @@ def leaves(tree: Tree) -> int:
     return sum(leaves(child) for child in children(tree))
 
 
+def emitted(tree: Tree) -> Iterator[Emit]:
+    """The solutions that are written in the tree, in order."""
+    if isinstance(tree, Emit):
+        yield tree
+    for child in children(tree):
+        yield from emitted(child)
+
+
 def has_each(tree: Tree) -> bool:
     """Whether the tree loops over rows."""
     return isinstance(tree, Each) or any(has_each(child) for child in children(tree))

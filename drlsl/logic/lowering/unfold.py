@@ -47,6 +47,7 @@ from drlsl.logic.terms import Atom, Struct, Var, deref
 Continue = Callable[[], Tree]
 
 _MOST_LEAVES: Final = 2000
+_MOST_CALLS: Final = 60
 _DEEP: Final = 20_000
 
 
@@ -64,10 +65,11 @@ def deep_recursion() -> Iterator[None]:
 class Unfolder:
     """Unfolds the goals of one program."""
 
-    def __init__(self, program: Program, schema: Schema, pool: Pool) -> None:
+    def __init__(self, program: Program, schema: Schema, pool: Pool, *, iso: bool) -> None:
         from drlsl.logic.lowering.goals import GOALS  # goals and unfolding need each other
 
         self.program = program
+        self.iso = iso
         self.schema = schema
         self.pool = pool
         self.fold = Folder(pool)
@@ -77,6 +79,7 @@ class Unfolder:
         self._calls: list[tuple[str, int]] = []
         self._clauses: list[Clause | None] = [None]
         self._known: dict[Any, Tree] = {}
+        self._under_way: list[Any] = []
         self._leaves = 0
 
     # ---------------------------------------------------------------- failing to lower
@@ -173,7 +176,7 @@ class Unfolder:
 
     def evaluated(self, expressions: Sequence[Sym], then: Callable[..., Tree]) -> Tree:
         """What `then` yields, given the values of expressions and the arithmetic that made them."""
-        arithmetic = Arithmetic(self.pool)
+        arithmetic = Arithmetic(self.pool, iso=self.iso)
         try:
             values = [arithmetic.evaluate(expression) for expression in expressions]
             result = then(arithmetic, *values)
@@ -397,12 +400,14 @@ class Unfolder:
         key = (predicate, self.counting, tuple(_key(arg, numbers) for arg in given))
         known = self._known.get(key)
         if known is None:
-            if predicate.indicator in self._calls:
+            if key in self._under_way or len(self._under_way) >= _MOST_CALLS:
                 self.refuse(f"it calls {predicate.name}/{predicate.arity} in a circle (recursion)")
             self._calls.append(predicate.indicator)
+            self._under_way.append(key)
             try:
                 known = self._alternatives(list(predicate.clauses), given)
             finally:
+                self._under_way.pop()
                 self._calls.pop()
             self._known[key] = known
         return known

@@ -1,0 +1,414 @@
+"""The back end for many scenes at once: the text of one function over arrays, without any loop over scenes.
+
+A value that depends on rows is an array with an axis for each relation's rows and, last, one for the scenes; a value
+of the scene alone has the last axis only. A quantifier is a reduction along its rows under a mask. The text calls a
+small set of operations (`numpy_backend.Ops`) so that another array library can stand in for NumPy.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from typing import Final
+
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, relation_of
+from drlsl.logic.lowering.lower import Answer, Lowered
+from drlsl.logic.lowering.names import Names
+from drlsl.logic.lowering.schema import Relation
+from drlsl.logic.lowering.trees import Sym
+from drlsl.logic.terms import NIL, Atom, Struct, deref
+
+_INFIX: Final = {
+    "add": ("+", 11),
+    "sub": ("-", 11),
+    "mul": ("*", 12),
+    "div": ("/", 12),
+    "bitand": ("&", 9),
+    "bitxor": ("^", 8),
+    "bitor": ("|", 7),
+    "both": ("&", 9),
+    "or": ("|", 7),
+}
+_CALLS: Final = {
+    "abs": "absolute",
+    "ceiling": "ceiling",
+    "floor": "floor",
+    "floordiv": "floor_divide",
+    "isign": "sign",
+    "max": "maximum",
+    "min": "minimum",
+    "mod": "remainder",
+    "round": "rounded",
+    "same": "same",
+    "select": "choose",
+    "sign": "sign",
+    "sqrt": "sqrt",
+    "tofloat": "to_float",
+    "truncate": "truncate",
+    "truncdiv": "truncated",
+}
+_REDUCTIONS: Final = {
+    "any": "exists",
+    "count": "count",
+    "first": "first",
+    "min_of": "least",
+    "max_of": "greatest",
+    "argmin": "where_least",
+    "argmax": "where_greatest",
+    "sum": "total",
+}
+_ATOMIC, _UNARY, _COMPARISON, _LOOSE = 20, 13, 6, 0
+_LEAVES: Final = frozenset({"const", "loop", "facts", "others", "row"})
+
+
+class ArrayPrinter:
+    """Writes the function for one lowered program.
+
+    `codes` gives each atom of the program the integer that stands for it in arrays. `columns` are those that the
+    function reads, by relation. `shapes` says of each `first` query whether its numbers are all integers or atoms,
+    and whether it is one number instead of several.
+    """
+
+    def __init__(self, lowered: Lowered) -> None:
+        self.lowered = lowered
+        self.pool: Pool = lowered.pool
+        self.codes: dict[str, int] = {}
+        self.columns: dict[Relation, set[int]] = {}  # what the function reads
+        self.shapes: dict[str, tuple[bool, bool]] = {}
+        self._names = Names(("xp", "tables", "answer"))
+        self._lines: list[str] = []
+        self._known: dict[Node, str] = {}
+        undecided = self.pool.or_(answer.undecided for answer in lowered.answers)
+        self._groups = [[undecided], *(self._roots(answer) for answer in lowered.answers)]
+        self._results = [root for group in self._groups for root in group]
+        self._masks = _Conjunctions(self.pool, self._results)
+        self._order = self._reach(self._results)
+        self._uses: Counter[Node] = Counter(self._results)
+        for node in self._order:
+            self._uses.update(self._operands(node))
+
+    # ---------------------------------------------------------------- structure
+
+    def _roots(self, answer: Answer) -> list[Node]:
+        query = answer.query
+        if query.mode == "holds":
+            return [answer.found]
+        if query.mode == "first":
+            if answer.terms is None:
+                raise NotLowerable(str(query), None, "its answers are of unlike kinds")
+            nodes = [node for term in answer.terms for node in self._flat(answer, term)]
+            exact = not any(node.kind in ("float", "number") for node in nodes)
+            plain = len(answer.terms) == 1 and isinstance(deref(answer.terms[0]), Node | Atom | int | float)
+            self.shapes[str(query)] = (exact, plain)
+            return [answer.found, *nodes]
+        if answer.choices is None:
+            raise NotLowerable(str(query), None, "its solutions are not among a few constants")
+        return [cond for _, cond in answer.choices]
+
+    def _flat(self, answer: Answer, term: Sym) -> list[Node]:
+        """The numbers of a term: itself, or the elements of a list."""
+        items: list[Sym] = []
+        rest = deref(term)
+        while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
+            items.append(deref(rest.args[0]))
+            rest = deref(rest.args[1])
+        nodes = [self._as_node(item) for item in (items if items and rest is NIL else [deref(term)])]
+        if any(node is None for node in nodes):
+            raise NotLowerable(str(answer.query), None, "its answer is neither a number, an atom nor a list of numbers")
+        return [node for node in nodes if node is not None]
+
+    def _as_node(self, term: Sym) -> Node | None:
+        if isinstance(term, Node):
+            return term
+        return self.pool.const(term) if isinstance(term, Atom | int | float) else None
+
+    def _operands(self, node: Node) -> tuple[Node, ...]:
+        """What the text of a node is made of."""
+        if node.op == "and":
+            return (self._masks.of(conjuncts(node)),)
+        if node.op in QUANTIFIERS:
+            return (self._mask(node), *node.args[2:], *self._picked(node.args[0]))
+        if node.op == "where":
+            return (self._mask(node),)
+        if node.op == "col":
+            index = node.args[0]
+            return self._picked(index) if index.op == "loop" else () if index.op == "row" else (index,)
+        if node.op == "valid":
+            return (*self._picked(node.args[0]), *self._selected(node.args[0]))
+        return () if node.op in _LEAVES else node.args
+
+    def _picked(self, loop: Node) -> tuple[Node, ...]:
+        """The rows that were picked out for a loop, if they were."""
+        rows = loop.args[0]
+        return (rows,) if rows.op == "where" and _is_small(rows) else ()
+
+    def _selected(self, loop: Node) -> tuple[Node, ...]:
+        """The mask of the rows that a loop visits, where they were not picked out."""
+        rows = loop.args[0]
+        return (rows,) if rows.op == "where" and not _is_small(rows) else ()
+
+    def _mask(self, node: Node) -> Node:
+        return self._masks.of(_mask_parts(self.pool, node))
+
+    def _reach(self, roots: Iterable[Node]) -> list[Node]:
+        found: dict[Node, None] = {}
+
+        def visit(node: Node) -> None:
+            if node not in found:
+                for operand in self._operands(node):
+                    visit(operand)
+                found[node] = None
+
+        for root in roots:
+            visit(root)
+        return list(found)
+
+    # ---------------------------------------------------------------- the function
+
+    def module(self) -> str:
+        """The text of the function."""
+        for node in self._order:
+            if node.op in _LEAVES or node in self._known:
+                continue
+            if node.op == "col" and node.args[0].op in ("loop", "row") and not self._operands(node):
+                self._column(node)
+            elif self._uses[node] > 1 or node.op == "where":
+                self._assign(node)
+        for group in self._groups:
+            self._line(f"yield {', '.join(self._text(node, _LOOSE) for node in group)},")
+        return "\n".join(["def answer(xp, tables):", *self._forgetting(), ""])
+
+    def _line(self, text: str) -> None:
+        self._lines.append(f"    {text}")
+
+    def _assign(self, node: Node) -> None:
+        text = self._text(node, _LOOSE)
+        name = self._names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
+        self._known[node] = name
+        self._line(f"{name} = {text}")
+
+    def _forgetting(self) -> list[str]:
+        """The lines, with every array let go of behind its last use: what stays is what fits the cache."""
+        last: dict[str, int] = {}
+        for number, line in enumerate(self._lines):
+            for word in _words(line):
+                last[word] = number
+        names = set(self._known.values())
+        result = []
+        for number, line in enumerate(self._lines):
+            result.append(line)
+            gone = sorted(name for name in names & set(_words(line)) if last[name] == number)
+            if gone and number + 1 < len(self._lines):
+                result.append(f"    del {', '.join(gone)}")
+        return result
+
+    def _column(self, node: Node) -> None:
+        relation, column = node.data
+        index = node.args[0]
+        field = relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
+        self._known[node] = self._names.new(f"{relation.first or ''}_{field}" if index.op == "row" else field)
+        rows = "0" if index.op == "row" else "1:" if _ranges_over_others(index) else ":"
+        self._line(f"{self._known[node]} = {self._full_column(relation, column)}[{rows}]")
+
+    def _full_column(self, relation: Relation, column: int) -> str:
+        self.columns.setdefault(relation, set()).add(column)
+        return f"tables[{relation.name!r}, {relation.arity}].column({column})"
+
+    # ---------------------------------------------------------------- axes
+
+    def _axes(self, node: Node) -> tuple[Node, ...]:
+        return tuple(sorted(node.free, key=lambda loop: loop.data))
+
+    def _aligned(self, node: Node, target: Sequence[Node], strength: int) -> str:
+        """An operand with an axis of length 1 for every axis that it lacks behind one that it has."""
+        own = self._axes(node)
+        while target and target[0] not in own:
+            target = target[1:]
+        if len(own) == len(target):
+            return self._text(node, strength)
+        places = ", ".join(":" if loop in own else "None" for loop in target)
+        return f"{self._text(node, _ATOMIC)}[{places}]"
+
+    # ---------------------------------------------------------------- expressions
+
+    def _text(self, node: Node, strength: int) -> str:
+        name = self._known.get(node)
+        if name is not None:
+            return name
+        text, own = self._expression(node)
+        return text if own >= strength else f"({text})"
+
+    def _expression(self, node: Node) -> tuple[str, int]:
+        if node.op == "const":
+            return self._constant(node)
+        if node.op == "and":
+            return self._expression_or_name(self._masks.of(conjuncts(node)))
+        if node.op in QUANTIFIERS:
+            return self._reduction(node), _ATOMIC
+        if node.op == "where":
+            mask = self._mask(node)
+            if _is_small(node):
+                return f"xp.pick({self._text(mask, _LOOSE)})", _ATOMIC
+            return self._expression_or_name(mask)
+        if node.op == "valid":
+            return self._valid(node.args[0])
+        if node.op == "col":
+            return self._gather(node), _ATOMIC
+        if node.op == "row":
+            return "0", _ATOMIC
+        if node.op == "loop":
+            return f"xp.positions({self._text(self._valid_node(node), _LOOSE)}, {int(_ranges_over_others(node))})", _ATOMIC
+        axes = self._axes(node)
+        if node.op in _INFIX:
+            sign, own = _INFIX[node.op]
+            first, *others = node.args
+            texts = [self._aligned(first, axes, own), *(self._aligned(arg, axes, own + 1) for arg in others)]
+            return f" {sign} ".join(texts), own
+        if node.op in _CALLS:
+            args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
+            return f"xp.{_CALLS[node.op]}({args})", _ATOMIC
+        if node.op == "function":
+            args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
+            return f"xp.function({node.data!r}, {args})", _ATOMIC
+        if node.op == "neg":
+            return f"-{self._text(node.args[0], _UNARY)}", _UNARY
+        return self._truth(node, axes)
+
+    def _expression_or_name(self, node: Node) -> tuple[str, int]:
+        name = self._known.get(node)
+        return (name, _ATOMIC) if name is not None else self._expression(node)
+
+    def _truth(self, node: Node, axes: Sequence[Node]) -> tuple[str, int]:
+        if node.op == "within":
+            return f"xp.absolute({self._text(node.args[0], _LOOSE)}) <= {node.data!r}", _COMPARISON
+        compared = node.args[0] if node.op == "not" else node
+        if compared.op in ("lt", "eq") and (compared is node or compared not in self._known):
+            sign = {"lt": ("<", ">="), "eq": ("==", "!=")}[compared.op][compared is not node]
+            left, right = (self._aligned(arg, axes, _COMPARISON + 1) for arg in compared.args)
+            return f"{left} {sign} {right}", _COMPARISON
+        assert node.op == "not", node.op
+        return f"~{self._text(node.args[0], _UNARY)}", _UNARY
+
+    def _constant(self, node: Node) -> tuple[str, int]:
+        if isinstance(node.data, Atom):
+            return str(self.codes.setdefault(node.data.name, len(self.codes))), _ATOMIC
+        if isinstance(node.data, bool):
+            return f"xp.{str(node.data).lower()}", _ATOMIC
+        return repr(node.data), _ATOMIC if node.data >= 0 else _UNARY
+
+    def _reduction(self, node: Node) -> str:
+        loop, mask, values = node.args[0], self._mask(node), node.args[2:]
+        axes = tuple(sorted(mask.free.union(*(value.free for value in values)), key=lambda loop: loop.data))
+        args = [self._aligned(mask, axes, _LOOSE), *(self._aligned(value, axes, _LOOSE) for value in values)]
+        text = f"xp.{_REDUCTIONS[node.op]}({', '.join(args)}, {axes.index(loop)})"
+        if node.kind != "index":
+            return text
+        picked = self._picked(loop)
+        if picked:
+            text = f"xp.take({self._text(picked[0], _ATOMIC)}.index, {text})"
+        return f"{text} + 1" if _ranges_over_others(loop) else text
+
+    def _valid(self, loop: Node) -> tuple[str, int]:
+        picked, selected = self._picked(loop), self._selected(loop)
+        if picked:
+            return f"{self._text(picked[0], _ATOMIC)}.valid", _ATOMIC
+        if selected:
+            return self._expression_or_name(selected[0])
+        relation = relation_of(loop)
+        self.columns.setdefault(relation, set())
+        rows = "1:" if _ranges_over_others(loop) else ":"
+        return f"tables[{relation.name!r}, {relation.arity}].valid[{rows}]", _ATOMIC
+
+    def _valid_node(self, loop: Node) -> Node:
+        return self.pool.make("valid", "bool", (loop,))
+
+    def _gather(self, node: Node) -> str:
+        index = node.args[0]
+        column = self._full_column(*node.data)
+        if index.op == "loop":
+            rows = self._text(self._picked(index)[0], _ATOMIC)
+            offset = " + 1" if _ranges_over_others(index) else ""
+            return f"xp.take({column}, {rows}.index{offset})"
+        return f"xp.take({column}, {self._text(index, _LOOSE)})"
+
+
+_HINTS: Final = {"any": "found", "first": "chosen", "where": "rows", "min_of": "least", "max_of": "greatest", "both": "mask"}
+
+
+class _Conjunctions:
+    """Masks as pairs of masks, so that those with conditions in common share them."""
+
+    def __init__(self, pool: Pool, roots: Iterable[Node]) -> None:
+        self._pool = pool
+        wanted: dict[tuple[Node, ...], list[Node]] = {}
+        seen: set[Node] = set()
+
+        def visit(node: Node) -> None:
+            if node in seen:
+                return
+            seen.add(node)
+            for arg in node.args:
+                visit(arg)
+            parts: tuple[Node, ...] = ()
+            if node.op == "and":
+                parts = conjuncts(node)
+            elif node.op in QUANTIFIERS or node.op == "where":
+                parts = _mask_parts(pool, node)
+            if parts:
+                wanted.setdefault(parts, sorted(parts, key=lambda part: len(part.free)))
+
+        for root in roots:
+            visit(root)
+        # a condition of a quantifier is a part of its mask, not a mask of its own
+        self._made = {parts: self._pair_up(left) for parts, left in self._share(wanted).items()}
+
+    def of(self, parts: tuple[Node, ...]) -> Node:
+        """The node of a conjunction."""
+        return self._made[parts]
+
+    def _share(self, wanted: dict[tuple[Node, ...], list[Node]]) -> dict[tuple[Node, ...], list[Node]]:
+        while True:
+            counts: Counter[tuple[Node, Node]] = Counter()
+            for parts in wanted.values():
+                counts.update(combinations(parts, 2))
+            best = max(counts, key=lambda pair: (counts[pair], -len(pair[0].free | pair[1].free)), default=None)
+            if best is None or counts[best] < 2:
+                return wanted
+            pair = self._both(*best)
+            for parts in wanted.values():
+                if best[0] in parts and best[1] in parts:
+                    place = parts.index(best[0])
+                    parts[place] = pair
+                    parts.remove(best[1])
+
+    def _pair_up(self, parts: list[Node]) -> Node:
+        result, *others = sorted(parts, key=lambda part: len(part.free))
+        for other in others:
+            result = self._both(result, other)
+        return result
+
+    def _both(self, left: Node, right: Node) -> Node:
+        return self._pool.make("both", "bool", (left, right))
+
+
+def _mask_parts(pool: Pool, node: Node) -> tuple[Node, ...]:
+    """The conditions of a quantifier's rows, the first that there is such a row."""
+    cond = node.args[2] if node.op == "where" else node.args[1]
+    valid = pool.make("valid", "bool", (node.loop,))
+    return (valid, *(part for part in conjuncts(cond) if not part.is_const))
+
+
+def _is_small(rows: Node) -> bool:
+    return relation_of(rows).capacity <= SMALL
+
+
+def _ranges_over_others(index: Node) -> bool:
+    while index.op not in ("facts", "others"):
+        index = index.args[0]
+    return index.op == "others"
+
+
+def _words(line: str) -> list[str]:
+    return [word for word in "".join(c if c.isalnum() or c == "_" else " " for c in line).split()]

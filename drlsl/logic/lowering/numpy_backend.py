@@ -1,0 +1,409 @@
+"""Lowered programs on NumPy arrays: thousands of scenes in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.logic.lowering.arrays import ArrayPrinter
+from drlsl.logic.lowering.lower import Answer, Lowered, Query
+from drlsl.logic.lowering.numbers import FUNCTIONS, rounded
+from drlsl.logic.lowering.schema import FLOAT_BOUND, INT_BOUND, Relation
+from drlsl.logic.terms import Atom
+
+Array: TypeAlias = npt.NDArray[Any]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+CHUNK: Final = 256
+"""Scenes that are answered together: their arrays stay in the processor's cache."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The rows of one relation in N scenes.
+
+    `columns` has an array for each column, or None for one that is not used: of shape (N, K), or (1, K) where all
+    scenes share them; for a single relation (N,) or (1,). `valid`, of the same shape, marks the rows that are
+    there; None where all are. Arrays in Fortran order are taken as they are. Atoms are integers, see
+    `ArrayProgram.code`.
+    """
+
+    columns: Sequence[Array | None]
+    valid: Mask | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayAnswer:
+    """The answers to one query in N scenes.
+
+    `value`: for `holds` (N,) bool; for `first` the argument (N,), or (N, n) for a list or for n arguments; for `set`
+    and `all` (N, n) bool, for each value of `ArrayProgram.choices` whether it is a solution. `fails` (N,): there is
+    no solution, and `value` means nothing.
+    """
+
+    value: Array
+    fails: Mask
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayResult:
+    """The answers to all queries; where `undecided` (N,) is set ask the interpreter instead."""
+
+    answers: tuple[ArrayAnswer, ...]
+    undecided: Mask
+
+
+def compile_numpy(lowered: Lowered, dtype: Literal["float64", "float32"] = "float64") -> ArrayProgram:
+    """The program that answers all queries for many scenes.
+
+    With float64 the answers equal the interpreter's, with float32 only nearly.
+
+    Raises:
+        NotLowerable: a query's answer has no form as an array.
+    """
+    return ArrayProgram(lowered, np.dtype(dtype))
+
+
+def numpy_source(lowered: Lowered) -> str:
+    """The text of the function over arrays."""
+    return ArrayPrinter(lowered).module()
+
+
+class ArrayProgram:
+    """A lowered program, ready for arrays."""
+
+    def __init__(self, lowered: Lowered, dtype: np.dtype[Any]) -> None:
+        printer = ArrayPrinter(lowered)
+        namespace: dict[str, Any] = {}
+        exec(compile(printer.module(), "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
+        self._function: Callable[[Ops, Mapping[Any, _Table]], Iterable[tuple[Array, ...]]] = namespace["answer"]
+        self._answers: Sequence[Answer] = lowered.answers
+        self._columns = {relation: tuple(sorted(used)) for relation, used in printer.columns.items()}
+        self._shapes = printer.shapes
+        self._ops = Ops(dtype)
+        self._codes = printer.codes
+        self.choices: Final[Mapping[Query, tuple[str | int | float, ...]]] = {
+            answer.query: tuple(value.name if isinstance(value, Atom) else value for value, _ in answer.choices)
+            for answer in lowered.answers
+            if answer.choices is not None
+        }
+
+    def code(self, atom: str) -> int:
+        """The integer that stands for an atom in arrays."""
+        return self._codes.setdefault(atom, len(self._codes))
+
+    def atom(self, code: int) -> str:
+        """The atom that an integer stands for."""
+        return list(self._codes)[code]
+
+    def __call__(self, facts: Mapping[tuple[str, int], Rows]) -> ArrayResult:
+        """The answers for the facts of N scenes.
+
+        Raises:
+            ValueError: a relation or a column is missing, or the shapes do not fit together.
+        """
+        tables = {
+            (relation.name, relation.arity): _Table(relation, used, facts, self._ops.dtype)
+            for relation, used in self._columns.items()
+        }
+        scenes = max((table.scenes for table in tables.values()), default=1)
+        for table in tables.values():
+            if table.scenes not in (1, scenes):
+                raise ValueError(f"{table.relation.name}: {table.scenes} scenes where others have {scenes}")
+        if scenes <= CHUNK:
+            return self._chunk(tables, scenes)
+        chunks = [
+            self._chunk(
+                {key: table.part(start, start + CHUNK) for key, table in tables.items()}, min(CHUNK, scenes - start)
+            )
+            for start in range(0, scenes, CHUNK)
+        ]
+        answers = tuple(
+            ArrayAnswer(np.concatenate([part.value for part in parts]), np.concatenate([part.fails for part in parts]))
+            for parts in zip(*(chunk.answers for chunk in chunks), strict=True)
+        )
+        return ArrayResult(answers, np.concatenate([chunk.undecided for chunk in chunks]))
+
+    def _chunk(self, tables: Mapping[Any, _Table], scenes: int) -> ArrayResult:
+        with np.errstate(all="ignore"):  # an operation may go wrong in rows that no rule looks at
+            results = iter(self._function(self._ops, tables))
+            undecided = np.zeros(scenes, dtype=np.bool_)
+            undecided |= next(results)[0]
+            for table in tables.values():
+                table.doubt(undecided)
+            answers = tuple(
+                self._answer(answer, result, scenes) for answer, result in zip(self._answers, results, strict=True)
+            )
+        return ArrayResult(answers, undecided)
+
+    def _answer(self, answer: Answer, result: tuple[Array, ...], scenes: int) -> ArrayAnswer:
+        if answer.query.mode == "holds":
+            return ArrayAnswer(_filled(result[0], scenes), np.zeros(scenes, dtype=np.bool_))
+        if answer.query.mode == "first":
+            exact, plain = self._shapes[str(answer.query)]
+            fails = ~_filled(result[0], scenes)
+            value = np.empty((len(result) - 1, scenes), dtype=np.int64 if exact else self._ops.dtype)
+            for place, column in enumerate(result[1:]):
+                value[place] = column
+            return ArrayAnswer(value[0] if plain else value.T, fails)
+        value = np.empty((len(result), scenes), dtype=np.bool_)
+        for place, column in enumerate(result):
+            value[place] = column
+        return ArrayAnswer(value.T, ~value.any(axis=0))
+
+
+def _filled(mask: Array, scenes: int) -> Mask:
+    result = np.empty(scenes, dtype=np.bool_)
+    result[:] = mask
+    return result
+
+
+class _Table:
+    """The columns of one relation that are read, with the rows along the first axis and the scenes along the last."""
+
+    def __init__(
+        self, relation: Relation, used: Sequence[int], facts: Mapping[tuple[str, int], Rows], dtype: np.dtype[Any]
+    ) -> None:
+        self.relation = relation
+        name = f"{relation.name}/{relation.arity}"
+        given = facts.get((relation.name, relation.arity))
+        if given is None:
+            raise ValueError(f"no facts of {name}")
+        if len(given.columns) != relation.arity:
+            raise ValueError(f"{name}: {len(given.columns)} columns")
+        self._columns: dict[int, Array] = {}
+        for place in used:
+            column = given.columns[place]
+            if column is None:
+                raise ValueError(f"the rules read column {place} of {name}, which is not given")
+            kind = dtype if relation.columns[place] == "float" else np.dtype(np.int64)
+            self._columns[place] = self._rows_first(column, kind)
+        valid = given.valid
+        if valid is not None:
+            self.valid: Mask = self._rows_first(valid, np.dtype(np.bool_))
+        else:
+            shape = next((np.shape(column) for column in given.columns if column is not None), (1, 0))
+            self.valid = np.ones(shape[::-1] if len(shape) == 2 else (1, *shape), dtype=np.bool_)
+        self._pad()
+        self.scenes: int = max([self.valid.shape[-1], *(column.shape[-1] for column in self._columns.values())])
+        self._sound = self._is_sound(given)
+
+    def _rows_first(self, column: Array, kind: np.dtype[Any]) -> Array:
+        if self.relation.single:
+            return np.ascontiguousarray(column, dtype=kind).reshape(1, -1)
+        if column.ndim != 2:
+            raise ValueError(f"{self.relation.name}/{self.relation.arity}: a column of shape {column.shape}, not (N, K)")
+        return np.ascontiguousarray(column.T, dtype=kind)
+
+    def _pad(self) -> None:
+        """Have at least one row to reduce over."""
+        least = 1 if self.relation.first is None else 2
+        missing = least - self.valid.shape[0]
+        if missing > 0:
+            self.valid = _with_rows(self.valid, missing)
+            self._columns = {place: _with_rows(column, missing) for place, column in self._columns.items()}
+
+    def _is_sound(self, given: Rows) -> bool:
+        """Whether a quick look already shows that all is as the schema says."""
+        for place, column in self._columns.items():
+            kind = self.relation.columns[place]
+            if kind == "float" and not np.vdot(column, column) <= FLOAT_BOUND**2:
+                return False
+            if kind == "int" and not -INT_BOUND <= column.min() <= column.max() <= INT_BOUND:
+                return False
+        key = self.relation.key
+        if key in self._columns and self.valid.shape[0] > 1:
+            keys = self._columns[key]
+            if not (keys[1:] > keys[:-1]).all():
+                return False
+        if self.relation.single:
+            return given.valid is None or bool(self.valid.all())
+        return self.relation.first is None or bool(self.valid[0].all())
+
+    def column(self, place: int) -> Array:
+        """One column."""
+        return self._columns[place]
+
+    def part(self, start: int, stop: int) -> _Table:
+        """The table for some of the scenes."""
+        result = _Table.__new__(_Table)
+        result.relation = self.relation
+        result.valid = _scenes(self.valid, start, stop)
+        result._columns = {place: _scenes(column, start, stop) for place, column in self._columns.items()}
+        result.scenes = max([result.valid.shape[-1], *(column.shape[-1] for column in result._columns.values())])
+        result._sound = self._sound
+        return result
+
+    def doubt(self, undecided: Mask) -> None:
+        """Mark the scenes whose facts are not what the schema says."""
+        if self._sound:
+            return
+        bad: Mask = np.zeros_like(self.valid)
+        for place, column in self._columns.items():
+            kind = self.relation.columns[place]
+            if kind != "atom":
+                bad = bad | ~(np.abs(column) <= (FLOAT_BOUND if kind == "float" else INT_BOUND))
+        undecided |= (bad & self.valid).any(axis=0)
+        if self.relation.single or self.relation.first is not None:
+            undecided |= ~self.valid[0]
+        if self.relation.key in self._columns and self.relation.key is not None:
+            undecided |= _repeats(self._columns[self.relation.key], self.valid)
+
+
+def _with_rows(column: Array, missing: int) -> Array:
+    return np.concatenate([column, np.zeros((missing, column.shape[1]), dtype=column.dtype)])
+
+
+def _scenes(column: Array, start: int, stop: int) -> Array:
+    return column if column.shape[-1] == 1 else column[:, start:stop]
+
+
+def _repeats(keys: Array, valid: Mask) -> Mask:
+    """The scenes in which two rows have one key."""
+    places = np.arange(keys.shape[0])[:, None]
+    # rows that are not there get keys that no row has
+    apart = np.where(valid, keys, np.iinfo(np.int64).min + places)
+    ordered = np.sort(apart, axis=0)
+    repeats: Mask = (ordered[1:] == ordered[:-1]).any(axis=0)
+    return repeats
+
+
+@dataclass(frozen=True, slots=True)
+class Picked:
+    """Some rows of a relation: their places and which are there, each of shape (rows, scenes)."""
+
+    index: Array
+    valid: Mask
+
+
+class Ops:
+    """What the generated text calls."""
+
+    true: Final = np.True_
+    false: Final = np.False_
+    minimum: Final = staticmethod(np.minimum)
+    maximum: Final = staticmethod(np.maximum)
+    absolute: Final = staticmethod(np.absolute)
+    sqrt: Final = staticmethod(np.sqrt)
+    sign: Final = staticmethod(np.sign)
+    floor_divide: Final = staticmethod(np.floor_divide)
+    remainder: Final = staticmethod(np.remainder)
+
+    def __init__(self, dtype: np.dtype[Any]) -> None:
+        self.dtype = dtype
+        self._functions = {name: np.frompyfunc(function, len(_arguments(name)), 1) for name, function in FUNCTIONS.items()}
+
+    # reductions of rows: axis counts from the outermost loop
+
+    def exists(self, mask: Mask, axis: int) -> Mask:
+        """Some row is marked."""
+        if mask.shape[axis] == 1:
+            return mask.take(0, axis)
+        result: Mask = np.logical_or.reduce(mask, axis=axis)
+        return result
+
+    def count(self, mask: Mask, axis: int) -> Array:
+        """How many rows are marked."""
+        return np.count_nonzero(mask, axis=axis)
+
+    def first(self, mask: Mask, axis: int) -> Array:
+        """The place of the first row that is marked."""
+        return np.argmax(mask, axis=axis)
+
+    def least(self, mask: Mask, value: Array, axis: int) -> Array:
+        """The least value of the rows that are marked."""
+        return np.minimum.reduce(np.where(mask, value, _highest(value)), axis=axis)
+
+    def greatest(self, mask: Mask, value: Array, axis: int) -> Array:
+        """The greatest value of the rows that are marked."""
+        return np.maximum.reduce(np.where(mask, value, -_highest(value)), axis=axis)
+
+    def where_least(self, mask: Mask, value: Array, axis: int) -> Array:
+        """The place of the first of the marked rows with the least value."""
+        return np.argmin(np.where(mask, value, _highest(value)), axis=axis)
+
+    def where_greatest(self, mask: Mask, value: Array, axis: int) -> Array:
+        """The place of the first of the marked rows with the greatest value."""
+        return np.argmax(np.where(mask, value, -_highest(value)), axis=axis)
+
+    def total(self, mask: Mask, value: Array, axis: int) -> Array:
+        """The sum over the rows that are marked, in their order."""
+        parts = np.where(mask, value, np.zeros((), dtype=np.asarray(value).dtype))
+        # np.add.reduce may add in another order; 0 + -0.0 is 0.0
+        sums: Array = np.add.accumulate(parts, axis=axis).take(-1, axis) + 0
+        return sums
+
+    # rows
+
+    def pick(self, mask: Mask) -> Picked:
+        """The marked rows, moved together: as many as the scene with most of them has."""
+        most = max(1, int(np.count_nonzero(mask, axis=0).max(initial=0)))
+        if most == 1:
+            return Picked(np.argmax(mask, axis=0)[None], np.logical_or.reduce(mask, axis=0)[None])
+        index = np.argsort(~mask, axis=0, kind="stable")[:most]
+        return Picked(index, np.take_along_axis(mask, index, axis=0))
+
+    def take(self, column: Array, index: Array) -> Array:
+        """The values of a column at places that differ by scene."""
+        result: Array = column[index, np.arange(column.shape[-1])]
+        return result
+
+    def positions(self, valid: Mask, start: int) -> Array:
+        """The places of the rows that a loop visits."""
+        return np.arange(start, start + valid.shape[0])[:, None]
+
+    # numbers
+
+    def choose(self, cond: Mask, then: Array, els: Array) -> Array:
+        """One or the other by scene and row."""
+        if isinstance(then, float) and isinstance(els, float):
+            then = self.dtype.type(then)
+        return np.where(cond, then, els)
+
+    def same(self, left: Array, right: Array) -> Mask:
+        """Floats that are the same term: 0.0 and -0.0 are not."""
+        result: Mask = (left == right) & (np.signbit(left) == np.signbit(right))
+        return result
+
+    def to_float(self, value: Array) -> Array:
+        """Integers as floats."""
+        return np.asarray(value).astype(self.dtype)
+
+    def floor(self, value: Array) -> Array:
+        """The integers not above."""
+        return np.floor(value).astype(np.int64)
+
+    def ceiling(self, value: Array) -> Array:
+        """The integers not below."""
+        return np.ceil(value).astype(np.int64)
+
+    def truncate(self, value: Array) -> Array:
+        """The integers toward zero."""
+        return np.trunc(value).astype(np.int64)
+
+    def rounded(self, value: Array) -> Array:
+        """The nearest integers."""
+        return np.asarray(np.frompyfunc(rounded, 1, 1)(value)).astype(np.int64)
+
+    def truncated(self, left: Array, right: Array) -> Array:
+        """Integer division toward zero."""
+        quotient = np.floor_divide(np.abs(left), np.abs(right))
+        return np.where((left < 0) == (right < 0), quotient, -quotient)
+
+    def function(self, name: str, *values: Array) -> Array:
+        """A function of the C library: computed as the interpreter does, for the last bit's sake."""
+        return np.asarray(self._functions[name](*values)).astype(self.dtype)
+
+
+def _arguments(name: str) -> str:
+    return "xy" if name == "pow" else "x"
+
+
+def _highest(value: Array) -> Any:
+    """What is above every value that counts."""
+    kind = np.asarray(value).dtype
+    return np.iinfo(kind).max if kind.kind == "i" else kind.type(np.inf)
