@@ -95,7 +95,7 @@ def build(pattern: Pattern, frame: list[Any]) -> Struct:
     """The term of a pattern, with fresh variables for those that occur for the first time."""
     if type(pattern) is DeepPattern:
         return _build_deep(pattern, frame)
-    args = []
+    args: list[Any] = []
     for part in pattern.args:
         kind = type(part)
         if kind is First:

@@ -22,7 +22,7 @@ _HEADER: Final = re.compile(r":- module\((\w+), \[([^]]*)\]\)\.")
 _EXPORT: Final = re.compile(r"'?([^\s,'/]+)'?/(\d+)")
 
 # Libraries of SWI-Prolog whose predicates are builtins here, so that use_module/1 of them is no error.
-_BUILT_IN: Final = frozenset({"aggregate", "backcomp", "between", "error", "random", "terms", "system"})
+_BUILT_IN: Final = frozenset({"aggregate", "backcomp", "between", "error", "random", "terms", "system", "yall"})
 
 
 def builtin(name: str, arity: int) -> tuple[int, Any] | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TextIO, TypeAlias
 
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
-_SLICE: Final = 20_000
+_SLICE: Final = 1_000
 _COMPACT_TRAIL: Final = 50_000
 
 
@@ -159,11 +160,10 @@ class Machine:
 
     def close(self) -> None:
         """Give up the search and undo every binding it made."""
-        for choice in reversed(self.choices):
-            if choice[0] is retry_generator:
-                choice[2].close()
-        self.choices.clear()
-        undo(self.trail, 0)
+        try:
+            cut(self, 0)
+        finally:
+            undo(self.trail, 0)
 
     def call(self, goal: Term, continuation: Task) -> Task:
         """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
@@ -187,13 +187,17 @@ class Machine:
                 undo(self.trail, choice[1])
             elif choice[0] is retry_generator:
                 choice[2].close()
+            elif choice[0] is leave_cleanup:
+                with suppress(PrologError):
+                    # The error under way is the one to report.
+                    clean_up(self, choice[2])
         error.term = ball
         raise error
 
     # ------------------------------------------------------------------ limits
 
-    def tick(self, task: Task | None) -> int:
-        """Account for a slice of inferences and check the limits; returns the length of the next slice.
+    def tick(self, task: Task | None) -> None:
+        """Account for a slice of inferences and check the limits; `task` is what comes next.
 
         Raises:
             LimitExceeded: A limit is exceeded.
@@ -212,15 +216,14 @@ class Machine:
                 raise _exceeded("depth", f"{limits.depth} nested calls")
             # A call deepens the search by one at most, so nothing can go wrong before this.
             self._depth_at = self.inferences + max(limits.depth - depth, limits.depth // 8)
-        return self._next_slice()
+        self._next_slice()
 
-    def _next_slice(self) -> int:
+    def _next_slice(self) -> None:
         most = self.limits.inferences
         self._slice = _SLICE if most is None else max(1, min(_SLICE, most - self.inferences))
         if self.limits.depth is not None:
             self._slice = max(1, min(self._slice, self.limits.depth))
         self.left = self._slice
-        return self.left
 
     def _check_trail(self) -> None:
         size = len(self.trail)
@@ -307,7 +310,31 @@ def exit_catch(machine: Machine, task: Task) -> Task:
 
 def retry_generator(machine: Machine, choice: Choice) -> Task:
     """The choice point of a nondeterministic builtin: ask for its next solution."""
+    machine.left -= 1
+    if machine.left < 0:
+        machine.tick(choice[3])
     return start_generator(machine, choice[2], choice[3])
+
+
+def leave_cleanup(machine: Machine, choice: Choice) -> Task:
+    """The choice point of a setup_call_cleanup/3 whose goal has failed."""
+    clean_up(machine, choice[2])
+    return FAIL
+
+
+def exit_cleanup(machine: Machine, task: Task) -> Task:
+    """The goal of a setup_call_cleanup/3 has succeeded; it is over if it left no choice points."""
+    top = machine.choices[-1]
+    if top[0] is leave_cleanup and top[2] is task[1]:
+        machine.choices.pop()
+        clean_up(machine, task[1])
+    continuation: Task = task[2]
+    return continuation
+
+
+def clean_up(machine: Machine, goal: Sequence[Term]) -> None:
+    """Run the cleanup goal of a setup_call_cleanup/3 once, as a search of its own."""
+    machine.engine.run_directive(goal[0], machine.output)
 
 
 _OVER: Final = object()
@@ -520,7 +547,6 @@ def run(machine: Machine, task: Task) -> Task | None:
     node: Node = task[1]
     frame: list[Any] = task[2]
     choices = machine.choices
-    left = machine.left
     following: Task | None
     try:
         while True:
@@ -535,7 +561,7 @@ def run(machine: Machine, task: Task) -> Task | None:
             elif op == CUT:
                 height = frame[node.slot] + node.target
                 if len(choices) > height:
-                    cut(choices, height)
+                    cut(machine, height)
                 node = node.next
                 continue
             elif op in (BRANCH, EITHER):
@@ -553,10 +579,9 @@ def run(machine: Machine, task: Task) -> Task | None:
             elif op == FAIL_OP:
                 following = fail(machine)
             else:
-                left -= 1
-                if left < 0:
-                    machine.left = 0
-                    left = machine.tick((run, node, frame))
+                machine.left -= 1
+                if machine.left < 0:
+                    machine.tick((run, node, frame))
                 args = arguments(node.args, frame)
                 continuation = frame[1] if node.next is PROCEED_NODE else (run, node.next, frame)
                 if op == CALL:
@@ -577,20 +602,22 @@ def run(machine: Machine, task: Task) -> Task | None:
             error.goal = Struct(node.name, tuple(args)) if args else Atom(node.name)
             error.clause = _place(node.clause)
         raise
-    finally:
-        machine.left = left
 
 
 def _place(clause: Clause | None) -> str | None:
     return None if clause is None or clause.span is None else str(clause.span)
 
 
-def cut(choices: list[Choice], height: int) -> None:
+def cut(machine: Machine, height: int) -> None:
     """Remove every choice point from `height` on."""
-    for choice in choices[height:]:
-        if choice[0] is retry_generator:
+    removed = machine.choices[height:]
+    del machine.choices[height:]
+    for choice in reversed(removed):
+        function = choice[0]
+        if function is retry_generator:
             choice[2].close()
-    del choices[height:]
+        elif function is leave_cleanup:
+            clean_up(machine, choice[2])
 
 
 def soft_cut(choices: list[Choice], height: int) -> None:

@@ -65,7 +65,7 @@ class Solution(Mapping[str, Value]):
         return f"Solution({', '.join(f'{name}={value!r}' for name, value in self._values.items())})"
 
 
-def to_value(term: Term, names: Mapping[Var, str] | None = None) -> Value:
+def to_value(term: Term, names: Mapping[Term, str] | None = None) -> Value:
     """A term as a Python value; `names` has the names of variables that have one."""
     term = deref(term)
     if type(term) is not Struct:
@@ -97,7 +97,7 @@ def _parts(struct: Struct) -> tuple[bool, list[Term]]:
     return (True, items) if rest is NIL else (False, list(struct.args))
 
 
-def _simple_value(term: Term, names: Mapping[Var, str]) -> Value:
+def _simple_value(term: Term, names: Mapping[Term, str]) -> Value:
     if type(term) is Atom:
         return [] if term is NIL else term.name
     if type(term) is Var:

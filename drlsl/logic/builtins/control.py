@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from drlsl.logic.body import CALL, CONTROL, DET, callable_parts
-from drlsl.logic.builtins.arguments import check_partial_list, integer
+from drlsl.logic.builtins.arguments import check_partial_list, integer, prefix
 from drlsl.logic.builtins.registry import Machine as Builtins
 from drlsl.logic.builtins.registry import control, det, nondet
 from drlsl.logic.dcg import translate_body
@@ -18,11 +18,13 @@ from drlsl.logic.solver import (
     Task,
     enter,
     exit_catch,
+    exit_cleanup,
     leave_catch,
+    leave_cleanup,
     start_generator,
 )
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import copy_term
+from drlsl.logic.unify import copy_term, term_variables
 
 
 class Halt(Exception):
@@ -67,7 +69,16 @@ def _declare_connective(name: str, arity: int) -> None:
         return machine.call(Struct(name, tuple(args)), continuation)
 
 
-for _name, _arity in ((",", 2), (";", 2), ("->", 2), ("*->", 2), ("\\+", 1), ("not", 1), ("once", 1), ("ignore", 1)):
+for _name, _arity in (
+    (",", 2),
+    (";", 2),
+    ("->", 2),
+    ("*->", 2),
+    ("\\+", 1),
+    ("not", 1),
+    ("once", 1),
+    ("ignore", 1),
+):
     _declare_connective(_name, _arity)
 
 
@@ -95,6 +106,25 @@ def catch(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
     point = CatchPoint(args[1], args[2], continuation)
     machine.choices.append((leave_catch, len(machine.trail), point))
     return invoke(machine, args[0], (), (exit_catch, point, continuation))
+
+
+@control("setup_call_cleanup", 3)
+def setup_call_cleanup(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    """Run a goal, and another once it is over: has failed, raised, been cut or left no choice points."""
+    return machine.call(Struct("once", (args[0],)), (_start_cleanup, args, continuation))
+
+
+@control("call_cleanup", 2)
+def call_cleanup(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    return _start_cleanup(machine, (None, (None, *args), continuation))
+
+
+def _start_cleanup(machine: Machine, task: Task) -> Task:
+    _, args, continuation = task
+    # A tuple of its own, so that this cleanup can be told from every other by identity.
+    goal = (args[2],)
+    machine.choices.append((leave_cleanup, len(machine.trail), goal))
+    return invoke(machine, args[1], (), (exit_cleanup, goal, continuation))
 
 
 @det("throw", 1)
@@ -136,6 +166,29 @@ def _finish_findall(machine: Machine, choice: Task) -> Task:
     _, _, found, result, tail, continuation = choice
     answer = make_list(found) if tail is None else make_list(found, tail)
     return continuation if machine.unify(result, answer) else FAIL
+
+
+def _call_lambda(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    """``Free/[X1, ...]>>Goal`` called with more arguments; variables that are not in `Free` are renamed apart."""
+    parameters = deref(args[0])
+    renaming: dict[Var, Term] = {}
+    if type(parameters) is Struct and parameters.name == "/" and len(parameters.args) == 2:
+        renaming = {variable: variable for variable in term_variables(parameters.args[0])}
+        parameters = parameters.args[1]
+    fresh = copy_term(Struct(">>", (parameters, args[1])), renaming)
+    assert type(fresh) is Struct
+    formal, rest = prefix(fresh.args[0])
+    if type(rest) is not Var and rest is not NIL:
+        raise type_error("list", parameters)
+    given = args[2:]
+    for parameter, arg in zip(formal, given, strict=False):
+        if not machine.unify(parameter, arg):
+            return FAIL
+    return invoke(machine, fresh.args[1], given[len(formal) :], continuation)
+
+
+for _arity in range(2, 10):
+    control(">>", _arity)(_call_lambda)
 
 
 @det("halt", 0)
