@@ -112,23 +112,24 @@ side_lane(Side, Lane) :-
 leftward(left, 1).
 leftward(right, -1).
 
-% way(Side, Low, High): the range of y that the ego's centre takes: in its own lane on the way to the target lane's centre,
-% in the lane it is in ("home", and "entry" where it comes onto the road), or in the lane to a side.
+% way(Side, Low, High): the range of y that must be free: for the ego's body on its own way to the target lane's centre, with
+% the lateral margin; the whole lane it is in ("home", and "entry" where it comes onto the road), or the lane to a side.
 way(own, Low, High) :-
-    position_y(ego, Y), target_lane(Lane), road_lane(Lane, _, Centre, _, _),
-    Low is min(Y, Centre), High is max(Y, Centre).
-way(home, Y, Y) :- lane(ego, Lane), road_lane(Lane, _, Y, _, _).
-way(entry, Y, Y) :- way(home, Y, Y).
-way(left, Y, Y) :- side_lane(left, Lane), road_lane(Lane, _, Y, _, _).
-way(right, Y, Y) :- side_lane(right, Lane), road_lane(Lane, _, Y, _, _).
+    vehicle(ego, _, _, Y, _, _, _, Width), target_lane(Lane), road_lane(Lane, _, Centre, _, _), lateral_margin(Margin),
+    Low is min(Y, Centre) - Width / 2 - Margin, High is max(Y, Centre) + Width / 2 + Margin.
+way(home, Low, High) :- lane(ego, Lane), lane_strip(Lane, Low, High).
+way(entry, Low, High) :- lane(ego, Lane), lane_strip(Lane, Low, High).
+way(left, Low, High) :- side_lane(left, Lane), lane_strip(Lane, Low, High).
+way(right, Low, High) :- side_lane(right, Lane), lane_strip(Lane, Low, High).
 
-% in_way(Car, Side): Car's body, as it is or as it drifts sideways, comes within the lateral margin of the ego's body there.
+% lane_strip(Lane, Low, High): the range of y that Lane covers.
+lane_strip(Lane, Low, High) :- road_lane(Lane, _, Y, Width, _), Low is Y - Width / 2, High is Y + Width / 2.
+
+% in_way(Car, Side): Car's body, as it is or as it drifts sideways, reaches into the way.
 in_way(Car, Side) :-
     way(Side, Low, High),
-    vehicle(Car, _, _, Y, _, Vy, _, Width2), vehicle(ego, _, _, _, _, _, _, Width1),
-    drift_horizon(Side, T), Drifted is Y + Vy * T,
-    lateral_margin(Margin), Reach is (Width1 + Width2) / 2 + Margin,
-    min(Y, Drifted) - High < Reach, Low - max(Y, Drifted) < Reach.
+    vehicle(Car, _, _, Y, _, Vy, _, Width), drift_horizon(Side, T), Drifted is Y + Vy * T,
+    min(Y, Drifted) - Width / 2 < High, max(Y, Drifted) + Width / 2 > Low.
 
 % settled: the ego is not changing lanes.
 settled :-

@@ -24,6 +24,9 @@ BRAKING: Final = 6.0
 REACTION: Final = 0.35
 """The time before that braking begins [s]. Source: UN R157, 5.2.5.2."""
 
+INTRUSION: Final = 0.3
+"""How far over the line a vehicle counts as having come into a lane [m]. Source: UN R157, 5.2.5.2."""
+
 LINE_TOLERANCE: Final = 0.05
 """How far a body may touch the lane's edge and still count as wholly inside [m]."""
 
@@ -93,6 +96,10 @@ def _touches(track: Track, lane: Lane) -> Mask:
     return np.asarray(np.abs(track.y - lane.centre) < (lane.width + track.width) / 2)
 
 
+def _intrudes(track: Track, lane: Lane) -> Mask:
+    return np.asarray(np.abs(track.y - lane.centre) < (lane.width + track.width) / 2 - INTRUSION)
+
+
 def _inside(track: Track, lane: Lane) -> Mask:
     room = (lane.width - track.width) / 2 + LINE_TOLERANCE
     return np.asarray(np.abs(track.y - lane.centre) <= room)
@@ -149,15 +156,17 @@ class _Encounter:
         entered, inside = _since(_touches(self.ego, lane)), _since(_inside(self.ego, lane))
         if self._met_sideways() or self._came_from() >= 0 or entered is None:
             return False
-        other_entered = _since(_touches(self.other, lane))
-        if inside is not None and (inside < (other_entered or 0) or (inside == 0 and self.other_appeared)):
+        if self.other_appeared and inside == 0:
+            return True
+        moved_in = _since(_intrudes(self.other, lane))
+        if moved_in is not None and entered < moved_in and _inside(self.ego, lane)[moved_in]:
             return True
         rows = [row for row in (entered, inside) if row is not None]
         return any(self._left_time(row, rear=self.other, front=self.ego) for row in rows)
 
     def _other_entered(self) -> int | None:
         """The row in which the other came into the ego's lane; None if it never was seen outside."""
-        entered = _since(_touches(self.other, _lane_at(float(self.ego.y[-1]), self.lanes)))
+        entered = _since(_intrudes(self.other, _lane_at(float(self.ego.y[-1]), self.lanes)))
         return entered if entered else None
 
     def cut_off(self) -> bool:

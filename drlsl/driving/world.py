@@ -123,7 +123,8 @@ class World:
     An ego's episode: enter in a safe gap, drive `track_length` metres, re-entering at the beginning of the
     stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, it
     does not enforce them: a lane change that is not offered is driven as told. While a lane change is under
-    way, new lane changes are not taken up.
+    way, new lane changes are not taken up. What an
+    ego does between the end of its episode and its reset means nothing.
     """
 
     def __init__(
@@ -156,6 +157,7 @@ class World:
         self._speed_control = SpeedController.for_egos(count)
         self._lane_control = LaneController.for_egos(count)
         self._rngs = [np.random.default_rng() for _ in range(count)]
+        self._ended = np.ones(count, dtype=np.bool_)
         self._scenes: SceneBatch | None = None
         self._decisions: Decisions | None = None
 
@@ -191,6 +193,7 @@ class World:
         """
         for ego, rng in zip(egos, rngs, strict=True):
             self._rngs[ego] = rng
+            self._ended[ego] = False
             self._egos.playback[ego] = rng.integers(len(self.playbacks))
             playback = self.playback_of(ego)
             self._egos.distance[ego] = 0.0
@@ -214,13 +217,14 @@ class World:
         self._egos.distance += np.abs(self._egos.x - before)
         self._past.write(self._egos)
         over = self._egos.frame >= self._ends[self._egos.playback]
-        contacts = self._contacts(~over)
+        contacts = self._contacts(~over & ~self._ended)
         off_road = self._off_road()
         touched = np.zeros(self.count, dtype=np.bool_)
         touched[list(contacts)] = True
         terminated = touched | off_road
         truncated = ~terminated & (self._egos.distance >= self.config.track_length)
-        entered = self._reenter(over, ~terminated & ~truncated)
+        self._ended |= terminated | truncated
+        entered = self._reenter(over)
         rewards = reward_terms(
             self.config.reward,
             changed=changed,
@@ -331,10 +335,10 @@ class World:
         y, half, chosen = self._egos.y, self._size[1] / 2, self._egos.playback
         return np.asarray((y - half < low[chosen]) | (y + half > high[chosen]))
 
-    def _reenter(self, over: Mask, driving: Mask) -> Mask:
+    def _reenter(self, over: Mask) -> Mask:
         """Place anew the egos that drive on but have reached the end of the stretch or of the recording."""
         entered = np.zeros(self.count, dtype=np.bool_)
-        for ego in np.flatnonzero(driving).tolist():
+        for ego in np.flatnonzero(~self._ended).tolist():
             playback = self.playback_of(ego)
             left = playback.length - playback.along(float(self._egos.x[ego])) - self.config.ego_length / 2
             if left > 0 and not over[ego]:

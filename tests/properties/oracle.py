@@ -82,17 +82,17 @@ class Oracle:
 
     def way(self, side: str) -> tuple[float, float] | None:
         if side == "own":
-            return min(self.ego.y, self.target.centre), max(self.ego.y, self.target.centre)
+            low, high = sorted((self.ego.y, self.target.centre))
+            return low - self.ego.width / 2 - MARGIN, high + self.ego.width / 2 + MARGIN
         lane = self.lane if side in ("home", "entry") else self.side_lane(side)
-        return (lane.centre, lane.centre) if lane else None
+        return (lane.centre - lane.width / 2, lane.centre + lane.width / 2) if lane else None
 
     def in_way(self, car: Vehicle, side: str) -> bool:
         way = self.way(side)
         if way is None:
             return False
-        swept = sorted((car.y, car.y + car.vy * HORIZON[side]))
-        reach = (self.ego.width + car.width) / 2 + MARGIN
-        return swept[0] - way[1] < reach and way[0] - swept[1] < reach
+        low, high = sorted((car.y, car.y + car.vy * HORIZON[side]))
+        return low - car.width / 2 < way[1] and high + car.width / 2 > way[0]
 
     def place(self, car: Vehicle) -> str:
         if self.gap(car) <= 0:
