@@ -1,0 +1,41 @@
+"""The learner and the real environment together, on a few metres of the bundled recording."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from drlsl.cli import run
+from drlsl.learning.rundir import RunFolder
+
+SHORT = ["--preset", "tiny", "--episodes", "3", "--track-length", "60", "--device", "cpu"]
+
+
+@pytest.mark.parametrize("method", ["dqn", "dqnsl"])
+def test_train_and_eval_in_recorded_traffic(
+    method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "run")
+    assert run(["train", *SHORT, "--method", method, "--out", out]) == 0
+    rows = RunFolder.open(tmp_path / "run").metrics()
+    terms = rows[["reward_lane_change", "reward_velocity", "reward_collision", "reward_off_road"]]
+    assert rows["episode"].tolist() == [1, 2, 3]
+    assert terms.sum(axis=1).to_numpy() == pytest.approx(rows["return"].to_numpy())
+    assert (rows["fail_safe"] == 0).all()
+    ended = (rows["contact"] == 1) | (rows["off_road"] == 1) | (rows["distance"] >= 60.0)
+    assert ended.all()
+    assert (rows["mask_size"] == 3.0).all() == (method == "dqn")
+    capsys.readouterr()
+    assert run(["eval", out, "--episodes", "2", "--json", "--track-length", "30"]) == 0
+    on, off = json.loads(capsys.readouterr().out)["evaluations"]
+    assert (on["shield"], off["shield"]) == ("on", "off")
+    assert on["totals"]["off_road"] == on["totals"]["fail_safe"] == 0
+    assert all(math.isfinite(item["total_return"]) for item in on["per_episode"] + off["per_episode"])
+
+
+def test_two_trainings_of_one_seed_agree(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        assert run(["train", *SHORT, "--out", str(tmp_path / name)]) == 0
+    one, two = (RunFolder.open(tmp_path / name).metrics().drop(columns="wall_s") for name in ("one", "two"))
+    assert one.equals(two)
