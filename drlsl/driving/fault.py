@@ -182,12 +182,12 @@ class _Encounter:
         return entered is not None and self._met_sideways() and self._ego_kept_lane_since_before(entered)
 
     def out_of_nowhere(self) -> bool:
-        """The other appeared inside the ego's stopping distance, and the ego had no time to stop since."""
+        """The other appeared inside the stopping distance of the rear one, which had no time to stop since."""
         if not self.other_appeared:
             return False
-        speed = float(self.ego.speed[0])
+        rear = self.other if self.other.s[0] < self.ego.s[0] else self.ego
+        speed = float(rear.speed[0])
         stopping_time = REACTION + speed / BRAKING
         stopping_distance = speed * REACTION + speed * speed / (2 * BRAKING)
-        gap = float(self._gap()[0])
-        behind = self.other.s[0] < self.ego.s[0] and gap > 0
-        return not behind and gap <= stopping_distance and (len(self.ego.s) - 1) * self.dt <= stopping_time
+        since = (len(self.ego.s) - 1) * self.dt
+        return float(self._gap()[0]) <= stopping_distance and since <= stopping_time

@@ -144,6 +144,14 @@ def test_a_vehicle_that_appears_inside_the_stopping_distance_is_nobodys_fault() 
     assert verdict(ego, other, other_appeared=False) is Verdict.AT_FAULT
 
 
+def test_a_vehicle_that_appears_right_behind_an_ego_on_its_way_out_is_nobodys_fault() -> None:
+    steps = 8
+    y = np.linspace(CENTRE[1] + 1.0, CENTRE[1] + 1.6, steps)
+    ego, other = track(100.0, 20.0, y, steps), track(100.0 - LENGTH + 0.01, 24.0, CENTRE[1], steps)
+    assert verdict(ego, other, other_appeared=True) is Verdict.OUT_OF_NOWHERE
+    assert verdict(ego, other, other_appeared=False) is Verdict.AT_FAULT
+
+
 def test_a_vehicle_that_appeared_long_ago_is_no_surprise() -> None:
     steps = round((REACTION + 30.0 / BRAKING) / DT) + 10
     ego, other = track(100.0, 30.0, CENTRE[2], steps), track(100.0 + LENGTH - 0.01, 25.0, CENTRE[2], steps)
