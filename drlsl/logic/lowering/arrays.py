@@ -8,15 +8,16 @@ small set of operations (`numpy_backend.Ops`) so that another array library can 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import Final
 
 from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, relation_of
+from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
 from drlsl.logic.lowering.lower import Answer, Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
+from drlsl.logic.lowering.sparse import Sparse, mask_parts, plan_sparse
 from drlsl.logic.lowering.trees import Sym
 from drlsl.logic.terms import NIL, Atom, Struct, deref
 
@@ -83,7 +84,12 @@ class ArrayPrinter:
         undecided = self.pool.or_(answer.undecided for answer in lowered.answers)
         self._groups = [[undecided], *(self._roots(answer) for answer in lowered.answers)]
         self._results = [root for group in self._groups for root in group]
-        self._masks = _Conjunctions(self.pool, self._results)
+        self._sparse = plan_sparse(self.pool, self._results)
+        self._masks = _Conjunctions(self.pool, self._results, self._sparse)
+        self._twins = self._find_twins()
+        self._selections: dict[Node, str] = {}  # the names of rows picked out by a mask
+        self._gathered: dict[tuple[Node, Node], str] = {}  # a mask and a value, of the rows picked out by it
+        self._flat = False  # whether rows and scenes are one axis
         self._order = self._reach(self._results)
         self._uses: Counter[Node] = Counter(self._results)
         for node in self._order:
@@ -128,6 +134,10 @@ class ArrayPrinter:
         """What the text of a node is made of."""
         if node.op == "and":
             return (self._masks.of(conjuncts(node)),)
+        if node in self._sparse:
+            return (self._mask(node), *self._sparse[node].inputs)
+        if node in self._twins:
+            return (self._twins[node],)
         if node.op in QUANTIFIERS:
             return (self._mask(node), *node.args[2:], *self._picked(node.args[0]))
         if node.op == "where":
@@ -150,7 +160,21 @@ class ArrayPrinter:
         return (rows,) if rows.op == "where" and not _is_small(rows) else ()
 
     def _mask(self, node: Node) -> Node:
-        return self._masks.of(_mask_parts(self.pool, node))
+        parts = self._sparse[node].prefix if node in self._sparse else mask_parts(self.pool, node)
+        return self._masks.of(parts)
+
+    def _find_twins(self) -> dict[Node, Node]:
+        """For an existential quantifier, the extreme over the same rows: it is finite where there is one."""
+        extremes = {
+            mask_parts(self.pool, node): node
+            for node in reach(self._results)
+            if node.op == "min_of" and node.kind == "float" and node not in self._sparse
+        }
+        return {
+            node: extremes[mask_parts(self.pool, node)]
+            for node in reach(self._results)
+            if node.op == "any" and node not in self._sparse and mask_parts(self.pool, node) in extremes
+        }
 
     def _reach(self, roots: Iterable[Node]) -> list[Node]:
         found: dict[Node, None] = {}
@@ -174,6 +198,8 @@ class ArrayPrinter:
                 continue
             if node.op == "col" and node.args[0].op in ("loop", "row") and not self._operands(node):
                 self._column(node)
+            elif node in self._sparse:
+                self._assign_sparse(node)
             elif self._uses[node] > 1 or node.op == "where":
                 self._assign(node)
         for group in self._groups:
@@ -188,6 +214,38 @@ class ArrayPrinter:
         name = self._names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
         self._known[node] = name
         self._line(f"{name} = {text}")
+
+    def _assign_sparse(self, node: Node) -> None:
+        """A quantifier whose costly parts are computed only for the rows that pass the cheap ones."""
+        plan, mask = self._sparse[node], self._mask(node)
+        rows = self._selections.get(mask)
+        if rows is None:
+            text = self._text(mask, _LOOSE)
+            rows = self._selections[mask] = self._names.new("rows")
+            self._line(f"{rows} = xp.select({text})")
+        for given in plan.inputs:
+            if (mask, given) not in self._gathered and not given.is_const:
+                text = self._text(given, _LOOSE)
+                name = self._names.new(self._known.get(given, "value"))
+                self._gathered[mask, given] = name
+                self._line(f"{name} = {rows}.{'spread' if not given.free else 'gather'}({text})")
+        outside = self._known
+        self._known = {**outside, **{given: name for (own, given), name in self._gathered.items() if own is mask}}
+        self._flat = True
+        uses = Counter(plan.heavy)
+        for part in plan.private:
+            uses.update(part.args)
+        for part in plan.private:
+            if uses[part] > 1 and part not in self._known:
+                self._assign(part)
+                self._gathered[mask, part] = self._known[part]
+        heavy = [self._text(part, _LOOSE) for part in plan.heavy]
+        self._flat = False
+        self._known = outside
+        name = self._known[node] = self._names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
+        conds = " & ".join(f"({text})" for text in heavy[: len(plan.heavy) - len(node.args[2:])])
+        arguments = ", ".join([conds or "None", *heavy[len(plan.heavy) - len(node.args[2:]) :]])
+        self._line(f"{name} = {rows}.{_REDUCTIONS[node.op]}({arguments})")
 
     def _forgetting(self) -> list[str]:
         """The lines, with every array let go of behind its last use: what stays is what fits the cache."""
@@ -224,6 +282,8 @@ class ArrayPrinter:
     def _aligned(self, node: Node, target: Sequence[Node], strength: int) -> str:
         """An operand with an axis of length 1 for every axis that it lacks behind one that it has."""
         own = self._axes(node)
+        if self._flat:
+            return self._text(node, strength)
         while target and target[0] not in own:
             target = target[1:]
         if len(own) == len(target):
@@ -243,8 +303,12 @@ class ArrayPrinter:
     def _expression(self, node: Node) -> tuple[str, int]:
         if node.op == "const":
             return self._constant(node)
+        if node.op == "and" and self._flat:
+            return " & ".join(self._text(arg, 10) for arg in node.args), 9
         if node.op == "and":
             return self._expression_or_name(self._masks.of(conjuncts(node)))
+        if node in self._twins:
+            return f"{self._text(self._twins[node], _COMPARISON + 1)} < xp.inf", _COMPARISON
         if node.op in QUANTIFIERS:
             return self._reduction(node), _ATOMIC
         if node.op == "where":
@@ -340,7 +404,7 @@ _HINTS: Final = {"any": "found", "first": "chosen", "where": "rows", "min_of": "
 class _Conjunctions:
     """Masks as pairs of masks, so that those with conditions in common share them."""
 
-    def __init__(self, pool: Pool, roots: Iterable[Node]) -> None:
+    def __init__(self, pool: Pool, roots: Iterable[Node], sparse: Mapping[Node, Sparse]) -> None:
         self._pool = pool
         wanted: dict[tuple[Node, ...], list[Node]] = {}
         seen: set[Node] = set()
@@ -349,13 +413,15 @@ class _Conjunctions:
             if node in seen:
                 return
             seen.add(node)
-            for arg in node.args:
+            for arg in (*sparse[node].prefix, *sparse[node].inputs) if node in sparse else node.args:
                 visit(arg)
             parts: tuple[Node, ...] = ()
             if node.op == "and":
                 parts = conjuncts(node)
+            elif node in sparse:
+                parts = sparse[node].prefix
             elif node.op in QUANTIFIERS or node.op == "where":
-                parts = _mask_parts(pool, node)
+                parts = mask_parts(pool, node)
             if parts:
                 wanted.setdefault(parts, sorted(parts, key=lambda part: len(part.free)))
 
@@ -391,13 +457,6 @@ class _Conjunctions:
 
     def _both(self, left: Node, right: Node) -> Node:
         return self._pool.make("both", "bool", (left, right))
-
-
-def _mask_parts(pool: Pool, node: Node) -> tuple[Node, ...]:
-    """The conditions of a quantifier's rows, the first that there is such a row."""
-    cond = node.args[2] if node.op == "where" else node.args[1]
-    valid = pool.make("valid", "bool", (node.loop,))
-    return (valid, *(part for part in conjuncts(cond) if not part.is_const))
 
 
 def _is_small(rows: Node) -> bool:

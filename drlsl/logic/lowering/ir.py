@@ -19,7 +19,7 @@ atom        const, col, select
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Any, Final, Literal, TypeAlias
 
 from drlsl.logic.lowering.schema import FLOAT_BOUND, INT_BOUND, Relation
@@ -443,6 +443,21 @@ class Pool:
 def conjuncts(node: Node) -> tuple[Node, ...]:
     """The parts of a conjunction."""
     return node.args if node.op == "and" else (node,)
+
+
+def reach(roots: Iterable[Node], known: Container[Node] = ()) -> dict[Node, None]:
+    """Every node that the roots are made of, arguments first; not those that are known, nor what they are made of."""
+    found: dict[Node, None] = {}
+
+    def visit(node: Node) -> None:
+        if node not in found and node not in known:
+            for arg in node.args:
+                visit(arg)
+            found[node] = None
+
+    for root in roots:
+        visit(root)
+    return found
 
 
 def _split(loop: Node, cond: Node) -> tuple[list[Node], list[Node]]:

@@ -84,7 +84,7 @@ class ArrayProgram:
         self._answers: Sequence[Answer] = lowered.answers
         self._columns = {relation: tuple(sorted(used)) for relation, used in printer.columns.items()}
         self._shapes = printer.shapes
-        self._ops = Ops(dtype)
+        self._dtype = dtype
         self._codes = printer.codes
         self.choices: Final[Mapping[Query, tuple[str | int | float, ...]]] = {
             answer.query: tuple(value.name if isinstance(value, Atom) else value for value, _ in answer.choices)
@@ -107,7 +107,7 @@ class ArrayProgram:
             ValueError: a relation or a column is missing, or the shapes do not fit together.
         """
         tables = {
-            (relation.name, relation.arity): _Table(relation, used, facts, self._ops.dtype)
+            (relation.name, relation.arity): _Table(relation, used, facts, self._dtype)
             for relation, used in self._columns.items()
         }
         scenes = max((table.scenes for table in tables.values()), default=1)
@@ -130,7 +130,7 @@ class ArrayProgram:
 
     def _chunk(self, tables: Mapping[Any, _Table], scenes: int) -> ArrayResult:
         with np.errstate(all="ignore"):  # an operation may go wrong in rows that no rule looks at
-            results = iter(self._function(self._ops, tables))
+            results = iter(self._function(Ops(self._dtype, scenes), tables))
             undecided = np.zeros(scenes, dtype=np.bool_)
             undecided |= next(results)[0]
             for table in tables.values():
@@ -146,7 +146,7 @@ class ArrayProgram:
         if answer.query.mode == "first":
             exact, plain = self._shapes[str(answer.query)]
             fails = ~_filled(result[0], scenes)
-            value = np.empty((len(result) - 1, scenes), dtype=np.int64 if exact else self._ops.dtype)
+            value = np.empty((len(result) - 1, scenes), dtype=np.int64 if exact else self._dtype)
             for place, column in enumerate(result[1:]):
                 value[place] = column
             return ArrayAnswer(value[0] if plain else value.T, fails)
@@ -211,10 +211,9 @@ class _Table:
         """Whether a quick look already shows that all is as the schema says."""
         for place, column in self._columns.items():
             kind = self.relation.columns[place]
-            if kind == "float" and not np.vdot(column, column) <= FLOAT_BOUND**2:
-                return False
-            if kind == "int" and not -INT_BOUND <= column.min() <= column.max() <= INT_BOUND:
-                return False
+            bound = {"float": FLOAT_BOUND, "int": INT_BOUND, "atom": INT_BOUND}[kind]
+            if not (-bound <= np.minimum.reduce(column, axis=None) and np.maximum.reduce(column, axis=None) <= bound):
+                return False  # too large, or not a number
         key = self.relation.key
         if key in self._columns and self.valid.shape[0] > 1:
             keys = self._columns[key]
@@ -280,11 +279,59 @@ class Picked:
     valid: Mask
 
 
+class Selected:
+    """Rows of any scenes along one axis, in the order of rows."""
+
+    __slots__ = ("_place", "_scene", "_shape")
+
+    def __init__(self, place: Array, shape: tuple[int, ...]) -> None:
+        self._place = place  # among all rows of all scenes
+        self._shape = shape
+        self._scene = place % shape[1]
+
+    def gather(self, value: Array) -> Array:
+        """The values of these rows."""
+        if value.shape == self._shape:
+            return value.ravel().take(self._place)
+        if value.shape[1] == 1:
+            return value[:, 0].take(self._place // self._shape[1])
+        return np.broadcast_to(value, self._shape).ravel().take(self._place)
+
+    def spread(self, value: Array) -> Array:
+        """The values of these rows' scenes."""
+        return value if np.size(value) == 1 else value.take(self._scene)
+
+    def exists(self, cond: Mask | None) -> Mask:
+        """The scenes with a row that meets the condition."""
+        result = np.zeros(self._shape[1], dtype=np.bool_)
+        result[self._scene if cond is None else self._scene[cond]] = True
+        return result
+
+    def least(self, cond: Mask | None, value: Array) -> Array:
+        """The least value in each scene."""
+        return self._reduced(np.minimum, _highest(value), cond, value)
+
+    def greatest(self, cond: Mask | None, value: Array) -> Array:
+        """The greatest value in each scene."""
+        return self._reduced(np.maximum, -_highest(value), cond, value)
+
+    def _reduced(self, reduce: np.ufunc, start: Any, cond: Mask | None, value: Array) -> Array:
+        result = np.full(self._shape[1], start)
+        if np.size(value) == 1:
+            value = np.broadcast_to(value, self._scene.shape)
+        if cond is None:
+            reduce.at(result, self._scene, value)
+        else:
+            reduce.at(result, self._scene[cond], value[cond])
+        return result
+
+
 class Ops:
     """What the generated text calls."""
 
     true: Final = np.True_
     false: Final = np.False_
+    inf: Final = np.inf
     minimum: Final = staticmethod(np.minimum)
     maximum: Final = staticmethod(np.maximum)
     absolute: Final = staticmethod(np.absolute)
@@ -293,16 +340,17 @@ class Ops:
     floor_divide: Final = staticmethod(np.floor_divide)
     remainder: Final = staticmethod(np.remainder)
 
-    def __init__(self, dtype: np.dtype[Any]) -> None:
+    def __init__(self, dtype: np.dtype[Any], scenes: int) -> None:
         self.dtype = dtype
-        self._functions = {name: np.frompyfunc(function, len(_arguments(name)), 1) for name, function in FUNCTIONS.items()}
+        self.scenes = scenes
 
     # reductions of rows: axis counts from the outermost loop
 
     def exists(self, mask: Mask, axis: int) -> Mask:
         """Some row is marked."""
         if mask.shape[axis] == 1:
-            return mask.take(0, axis)
+            only: Mask = mask[(slice(None),) * axis + (0,)]
+            return only
         result: Mask = np.logical_or.reduce(mask, axis=axis)
         return result
 
@@ -312,10 +360,13 @@ class Ops:
 
     def first(self, mask: Mask, axis: int) -> Array:
         """The place of the first row that is marked."""
-        return np.argmax(mask, axis=axis)
+        return mask.argmax(axis=axis)
 
     def least(self, mask: Mask, value: Array, axis: int) -> Array:
         """The least value of the rows that are marked."""
+        if mask.ndim == 2 and mask.shape == value.shape and 8 * np.count_nonzero(mask) < mask.size:
+            rows = self.select(mask)
+            return rows.least(None, rows.gather(value))
         return np.minimum.reduce(np.where(mask, value, _highest(value)), axis=axis)
 
     def greatest(self, mask: Mask, value: Array, axis: int) -> Array:
@@ -339,11 +390,17 @@ class Ops:
 
     # rows
 
+    def select(self, mask: Mask) -> Selected:
+        """The marked rows of all scenes along one axis."""
+        if mask.shape[1] != self.scenes:
+            mask = np.broadcast_to(mask, (mask.shape[0], self.scenes))
+        return Selected(mask.ravel().nonzero()[0], mask.shape)
+
     def pick(self, mask: Mask) -> Picked:
         """The marked rows, moved together: as many as the scene with most of them has."""
-        most = max(1, int(np.count_nonzero(mask, axis=0).max(initial=0)))
+        most = int(np.add.reduce(mask, axis=0, dtype=np.int16).max(initial=1))
         if most == 1:
-            return Picked(np.argmax(mask, axis=0)[None], np.logical_or.reduce(mask, axis=0)[None])
+            return Picked(mask.argmax(axis=0)[None], np.logical_or.reduce(mask, axis=0)[None])
         index = np.argsort(~mask, axis=0, kind="stable")[:most]
         return Picked(index, np.take_along_axis(mask, index, axis=0))
 
@@ -396,11 +453,7 @@ class Ops:
 
     def function(self, name: str, *values: Array) -> Array:
         """A function of the C library: computed as the interpreter does, for the last bit's sake."""
-        return np.asarray(self._functions[name](*values)).astype(self.dtype)
-
-
-def _arguments(name: str) -> str:
-    return "xy" if name == "pow" else "x"
+        return np.asarray(np.frompyfunc(FUNCTIONS[name], len(values), 1)(*values)).astype(self.dtype)
 
 
 def _highest(value: Array) -> Any:

@@ -8,12 +8,12 @@ of them.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
-from drlsl.logic.lowering.ir import QUANTIFIERS, Node, Pool, conjuncts, relation_of
+from drlsl.logic.lowering.ir import QUANTIFIERS, Node, Pool, conjuncts, reach, relation_of
 from drlsl.logic.lowering.lower import Answer, Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
@@ -575,21 +575,6 @@ def _tree_nodes(tree: Tree) -> Iterator[Node]:
             yield from _nodes(term)
     for child in children(tree):
         yield from _tree_nodes(child)
-
-
-def reach(roots: Iterable[Node], known: Container[Node] = ()) -> dict[Node, None]:
-    """Every node that the roots are made of, arguments first; not those that are known, nor what they are made of."""
-    found: dict[Node, None] = {}
-
-    def visit(node: Node) -> None:
-        if node not in found and node not in known:
-            for arg in node.args:
-                visit(arg)
-            found[node] = None
-
-    for root in roots:
-        visit(root)
-    return found
 
 
 def _count_uses(nodes: Iterable[Node], roots: Iterable[Node]) -> Counter[Node]:

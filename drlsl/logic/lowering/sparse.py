@@ -1,0 +1,100 @@
+"""Which quantifiers compute their costly parts only for the rows that pass the cheap ones.
+
+A quantifier over a large relation is a mask and perhaps a value. Conditions that many quantifiers share are computed
+for all rows anyway. What is costly and belongs to few quantifiers is worth computing only where the shared ones hold.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
+
+_SHARED_BY: Final = 3
+_COSTLY: Final = 3
+_LEAVES: Final = frozenset({"col", "const", "loop", "valid"})
+
+
+@dataclass(frozen=True, slots=True)
+class Sparse:
+    """How to compute one quantifier.
+
+    `prefix`: the conditions for all rows. `heavy`: the costly conditions, then the value, for the rows that pass.
+    `private`: what these are made of, arguments first. `inputs`: what that is made of in turn.
+    """
+
+    prefix: tuple[Node, ...]
+    heavy: tuple[Node, ...]
+    private: tuple[Node, ...]
+    inputs: tuple[Node, ...]
+
+
+def mask_parts(pool: Pool, node: Node) -> tuple[Node, ...]:
+    """The conditions of a quantifier's rows, the first that there is such a row."""
+    cond = node.args[2] if node.op == "where" else node.args[1]
+    valid = pool.make("valid", "bool", (node.loop,))
+    return (valid, *(part for part in conjuncts(cond) if not part.is_const))
+
+
+def plan_sparse(pool: Pool, roots: Iterable[Node]) -> dict[Node, Sparse]:
+    """The quantifiers that gain, each with its plan."""
+    reached = reach(roots)
+    quantifiers = [node for node in reached if node.op in QUANTIFIERS]
+    shared = Counter(part for node in quantifiers for part in mask_parts(pool, node))
+    candidates = [node for node in quantifiers if _may_gain(node)]
+    dense: set[Node] = set()  # what is computed for all rows in any case
+    for node in quantifiers:
+        parts = mask_parts(pool, node)
+        firm = [part for part in parts if node not in candidates or shared[part] >= _SHARED_BY or part.op == "valid"]
+        for part in [*firm, *(node.args[2:] if node not in candidates else ())]:
+            _add(part, dense)
+    while True:
+        plans = {node: plan for node in candidates if (plan := _plan(pool, node, dense)) is not None}
+        before = len(dense)
+        for node in candidates:
+            plan = plans.get(node)
+            own = (*mask_parts(pool, node), *node.args[2:])
+            for part in own if plan is None else plan.prefix:
+                _add(part, dense)
+        if len(dense) == before:
+            return plans
+
+
+def _may_gain(node: Node) -> bool:
+    rows = node.args[0].args[0]
+    return (
+        node.op in ("any", "min_of", "max_of")
+        and not node.free
+        and rows.op in ("facts", "others")
+        and relation_of(rows).capacity > SMALL
+    )
+
+
+def _plan(pool: Pool, node: Node, dense: set[Node]) -> Sparse | None:
+    loop = node.args[0]
+    prefix, heavy = [], []
+    for part in mask_parts(pool, node):
+        (heavy if part not in dense and _cost(part, loop, dense) >= _COSTLY else prefix).append(part)
+    values = node.args[2:]
+    if not heavy and not any(_cost(value, loop, dense) >= _COSTLY for value in values):
+        return None
+    heavy += values
+    known = {part for part in reach(heavy) if part in dense or loop not in part.free}
+    private = tuple(part for part in reach(heavy, known) if part.op not in _LEAVES)
+    if any(part.free != {loop} or part.op in QUANTIFIERS for part in private):
+        return None
+    needed = dict.fromkeys(arg for part in (*private,) for arg in part.args if arg not in private)
+    needed.update(dict.fromkeys(part for part in heavy if part not in private))
+    return Sparse(tuple(prefix), tuple(heavy), private, tuple(needed))
+
+
+def _cost(node: Node, loop: Node, dense: set[Node]) -> int:
+    """How many operations a value takes for each row, apart from those that are done in any case."""
+    return sum(loop in part.free and part.op not in _LEAVES for part in reach([node], dense))
+
+
+def _add(node: Node, dense: set[Node]) -> None:
+    dense.update(part for part in reach([node]) if part.free)
