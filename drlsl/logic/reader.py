@@ -472,7 +472,8 @@ class _Parser:
             self._build(pending.pop())
         frame = pending[-1]
         if self.priority > frame[1] and self.priority != _ATOM_PRIORITY:
-            self._clash("", frame[1], self.starts[-1])
+            value = self.values[-1]
+            self._clash(value.name if isinstance(value, Struct) else "", frame[1], self.starts[-1])
         return frame
 
     def _operator_punctuation(self, text: str, start: int) -> bool:
@@ -557,8 +558,11 @@ class _Parser:
             value = self.values[-1]
             atom = value.name if isinstance(value, Atom) else ""
             self._fail(f"operator {atom} as an operand: expected ({atom})", self.starts[-1], atom)
-        around = f"argument of operator {name}" if name else "argument" if maximum < _TOP_PRIORITY else "term"
-        self._fail(f"operator priority clash: expected brackets, {around} binds too loosely", start, name)
+        if self.pending[-1][3] == 0 and self.pending[-1][1] == _ARGUMENT_PRIORITY <= maximum:
+            self._fail(f"operator {name} in an argument: expected brackets around the term", start, name)
+        self._fail(
+            f"an operand of operator {name} binds too loosely: expected brackets around it", start, name
+        )
 
     def _no_operand(self, text: str, start: int) -> bool:
         self._unexpected("a term", text, start)

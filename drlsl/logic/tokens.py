@@ -30,6 +30,7 @@ def _expression(iso: bool) -> str:
     digits = r"[0-9]++" if iso else r"[0-9]++(?:_[0-9]++)*+"
     special = "" if iso else r"|[1-9][0-9]?'[0-9a-zA-Z]++"
     floats = "" if iso else r"|[0-9]++[eE][+-]?[0-9]++"
+    plain = r"\\\n\t" if iso else r"\\\n"
     return rf"""{_LAYOUT}(?:
       ([A-Z_]\w*+)
     | ([a-z]\w*+)(\()?+
@@ -40,9 +41,9 @@ def _expression(iso: bool) -> str:
     | ([0-9]++\.[0-9]++(?:[eE][+-]?[0-9]++|Inf\b|NaN\b)?+{floats})
     | ({digits})
     | ((?!/\*)[#$&*+\-./:<=>?@^~\\]++|[!;]|[^\x00-\x7f\w\s]++)(\()?+
-    | '((?:[^'\\\n]++|''|{_ESCAPE})*+)'(\()?+
-    | "((?:[^"\\\n]++|""|{_ESCAPE})*+)"
-    | `((?:[^`\\\n]++|``|{_ESCAPE})*+)`
+    | '((?:[^'{plain}]++|''|{_ESCAPE})*+)'(\()?+
+    | "((?:[^"{plain}]++|""|{_ESCAPE})*+)"
+    | `((?:[^`{plain}]++|``|{_ESCAPE})*+)`
     | ([^\W\d]\w*+)(\()?+
     | (\Z)
     | ([\s\S])
@@ -177,6 +178,9 @@ class Tokens:
         else:
             if char in _REASONS:
                 message, end = _REASONS[char], _line_end(text, start)
+                tab = text.find("\t", start, end)
+                if self._iso and tab > start and char not in text[start + 1 : tab]:
+                    message, start, end = "tab in quoted text: expected \\t", tab, tab + 1
             resume = _END_TOKEN.search(text, start)
             self.offset = resume.end() if resume else len(text)
         self._matches = None

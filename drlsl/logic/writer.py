@@ -263,6 +263,7 @@ class _Writer:
             token = "|"
         else:
             token = self.style.atom(name)
+        left = self._limit(args[0], left, own)
         work = [self._operand(args[0], left, depth), token, self._operand(args[1], right, depth)]
         self._bracketed(priority, own, work)
 
@@ -272,9 +273,10 @@ class _Writer:
         token = self.style.atom(name)
         argument = deref(argument)
         work: list[_Task]
-        if name == "-" and self._starts_with_number(argument):
+        opening = self._opening(argument, maximum)
+        if name == "-" and opening == "0":
             work = [token, " (", (argument, _ANY, depth + 1), ")"]
-        elif self._opens_bracket(argument, maximum):
+        elif opening == "(":
             work = [token, " ", self._operand(argument, maximum, depth)]
         else:
             work = [token, self._operand(argument, maximum, depth)]
@@ -282,35 +284,48 @@ class _Writer:
 
     def _postfix(self, name: str, argument: Term, priority: int, depth: int) -> None:
         own, maximum = self.style.operators.postfix[name]
+        maximum = self._limit(argument, maximum, own)
         self._bracketed(priority, own, [self._operand(argument, maximum, depth), self.style.atom(name)])
 
-    def _starts_with_number(self, term: Term) -> bool:
-        """Whether the text of `term` begins with a digit: its leftmost operand is a number without a sign."""
+    def _limit(self, operand: Term, maximum: int, priority: int) -> int:
+        """The highest priority at which an operand before an operator may stand without brackets.
+
+        It is 0 where the operator would be read as part of the operand's own last operand, as in ``(fy 1)yf``.
+        """
+        operators = self.style.operators
+        term, own_maximum = deref(operand), maximum
+        while isinstance(term, Struct) and not (term.name == "." and len(term.args) == 2):
+            arity = len(term.args)
+            if arity == 2 and term.name in operators.infix:
+                own, _, right = operators.infix[term.name]
+            elif arity == 1 and term.name in operators.prefix and term.name != "{}":
+                own, right = operators.prefix[term.name]
+            else:
+                break
+            if own > own_maximum:
+                break
+            if right >= priority:
+                return 0
+            term, own_maximum = deref(term.args[-1]), right
+        return maximum
+
+    def _opening(self, term: Term, maximum: int) -> str:
+        """What the text of an operand begins with: ``(``, ``0`` for any digit, or nothing of note."""
+        operators = self.style.operators
         while isinstance(term, Struct):
             operand = self._left_operand(term)
             if operand is None:
-                return False
-            term = deref(operand)
+                is_prefix = len(term.args) == 1 and term.name in operators.prefix and term.name != "{}"
+                return "(" if is_prefix and operators.prefix[term.name][0] > maximum else ""
+            own, left = (operators.infix if len(term.args) == 2 else operators.postfix)[term.name][:2]
+            if own > maximum:
+                return "("
+            term, maximum = deref(operand), self._limit(operand, left, own)
+        if isinstance(term, Atom):
+            return "(" if operators.is_operator(term.name) else ""
         if isinstance(term, float):
-            return math.copysign(1.0, term) > 0
-        return isinstance(term, int) and term >= 0
-
-    def _opens_bracket(self, term: Term, maximum: int) -> bool:
-        """Whether the text of `term` begins with a bracket when written with this maximum priority."""
-        operators = self.style.operators
-        while isinstance(term, Struct):
-            name, arity = term.name, len(term.args)
-            operand = self._left_operand(term)
-            if operand is not None:
-                own, left = operators.infix[name][:2] if arity == 2 else operators.postfix[name]
-                if own > maximum:
-                    return True
-                term, maximum = deref(operand), left
-            elif arity == 1 and name in operators.prefix and not self.style.ignore_ops and name != "{}":
-                return operators.prefix[name][0] > maximum
-            else:
-                return False
-        return isinstance(term, Atom) and operators.is_operator(term.name)
+            return "0" if math.copysign(1.0, term) > 0 else ""
+        return "0" if isinstance(term, int) and term >= 0 else ""
 
     def _left_operand(self, term: Struct) -> Term | None:
         """The first operand of a compound written with an infix or postfix operator, else None."""

@@ -212,11 +212,9 @@ def written(machine: Machine, term: Term) -> str:
 def _declare_term_text(name: str, make: Callable[[str], Term]) -> None:
     @det(name, 2)
     def term_text(machine: Machine, term: Term, characters: Term) -> bool:
-        if _is_free(term):
-            if _is_free(characters):
-                return machine.unify(characters, make(written(machine, term)))
-            return machine.unify(term, read_term(text(characters), machine.operators, machine.flags).term)
-        return machine.unify(characters, make(written(machine, term)))
+        if _is_free(characters):
+            return machine.unify(characters, make(written(machine, term)))
+        return machine.unify(term, read_term(text(characters), machine.operators, machine.flags).term)
 
 
 _declare_term_text("term_to_atom", Atom)
