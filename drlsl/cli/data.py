@@ -155,20 +155,16 @@ def _lane_table(report: RecordingReport) -> Table:
     from rich.table import Table
 
     table = Table("lane", "direction", title="Lanes")
-    for heading in (
-        "centre [m]",
-        "width [m]",
-        "limit [m/s]",
-        "vehicles",
-        "veh/km",
-        "mean [m/s]",
-        "min",
-        "max",
-    ):
+    for heading in ("centre (m)", "width (m)", "limit (m/s)", "vehicles", "veh/km"):
+        table.add_column(heading, justify="right")
+    for heading in ("mean (m/s)", "min", "max"):
         table.add_column(heading, justify="right")
     table.add_column("median gap (m)", justify="right")
     for lane in report.lanes:
         speed, gap = lane.speed_m_s, lane.gap_m
+        speeds = (
+            [f"{value:.1f}" for value in (speed.mean, speed.minimum, speed.maximum)] if speed else ["-"] * 3
+        )
         table.add_row(
             str(lane.id),
             _words(lane.direction),
@@ -177,11 +173,7 @@ def _lane_table(report: RecordingReport) -> Table:
             f"{lane.speed_limit_m_s:.1f}",
             str(lane.vehicles),
             f"{lane.density_veh_per_km:.1f}",
-            *(
-                [f"{value:.1f}" for value in (speed.mean, speed.minimum, speed.maximum)]
-                if speed
-                else ["-"] * 3
-            ),
+            *speeds,
             f"{gap.p50:.1f}" if gap else "-",
         )
     return table

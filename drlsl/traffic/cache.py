@@ -61,7 +61,7 @@ def read_cached(source: Source) -> Recording | None:
             codes = dict(zip(stored["vehicles"].tolist(), stored["codes"].tolist(), strict=True))
         classes = {vehicle: kinds[code] for vehicle, code in codes.items()}
         return _recording(facts, arrays, classes)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except BROKEN as error:
         warnings.warn(f"{path}: damaged cache file, rebuilt ({error})", stacklevel=3)

@@ -46,6 +46,9 @@ SUMO's lateral speed starts and ends with a jolt, and a cancelled lane change ma
 metre in one step. The tracks of highD are smoothed too.
 """
 
+LONGEST = 120.0
+"""Most minutes made at once; a longer recording would not fit in memory."""
+
 HARDEST_BRAKING = 8.0
 """Emergency deceleration of every vehicle [m/s²], the limit of a dry road."""
 
@@ -86,7 +89,7 @@ class Drivers:
 
 
 CARS = Drivers(
-    speed=Normal(33.0, 4.5, 25.0, 43.0),
+    speed=Normal(36.0, 4.5, 27.0, 46.0),
     headway=Normal(1.0, 0.15, 0.7, 1.4),
     acceleration=Normal(1.8, 0.25, 1.2, 2.4),
     braking=Normal(3.0, 0.3, 2.2, 3.8),
@@ -207,10 +210,10 @@ def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
     The same preset, seed, minutes and version of SUMO give the same rows. A vehicle is recorded while its box
     lies wholly within the stretch. Velocities are differences of successive positions.
 
-    Raises: UserError where SUMO is not installed or the minutes are not above 0.
+    Raises: UserError where SUMO is not installed or the minutes are out of range.
     """
-    if not minutes > 0:
-        raise UserError(f"a recording needs more than 0 minutes, not {minutes}")
+    if not 0 < minutes <= LONGEST:
+        raise UserError(f"a recording needs more than 0 and at most {LONGEST:g} minutes, not {minutes:g}")
     libsumo, netconvert = _sumo()
     random = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory(prefix="drlsl-sumo-") as folder:

@@ -42,7 +42,9 @@ def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats,
     penalty on the axis' second differences. The axis is 0 on average, so that positions stay near the
     recorded ones.
     """
-    cells = _cell_medians(tracks, lane_ids)
+    passages = _passages(tracks, lane_ids)
+    cells = passages.groupby(["lane", "cell"])["y"].agg(["median", "size"]).reset_index()
+    cells.columns = pd.Index(["lane", "cell", "y", "vehicles"])
     first, count = int(cells["cell"].min()), int(cells["cell"].max() - cells["cell"].min()) + 1
     lanes, lane = np.unique(cells["lane"].to_numpy(), return_inverse=True)
     rows = np.arange(len(cells))
@@ -61,30 +63,23 @@ def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats,
     return tracks.y - np.interp(tracks.x, middles, axis), float(np.ptp(axis))
 
 
-def _cell_medians(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> pd.DataFrame:
-    """Median y and number of vehicles per main lane and cell, each vehicle counting once."""
-    rows = pd.DataFrame(
-        {
-            "lane": lane_ids,
-            "cell": np.floor(tracks.x / CELL).astype(int),
-            "vehicle": tracks.vehicle,
-            "y": tracks.y,
-        }
-    )
-    rows = rows[rows["lane"].isin(_main_lanes(tracks, lane_ids))]
-    once = rows.groupby(["lane", "cell", "vehicle"])["y"].median()
-    return (
-        once.groupby(["lane", "cell"])
-        .agg(["median", "size"])
-        .set_axis(["y", "vehicles"], axis=1)
-        .reset_index()
-    )
+def _passages(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> pd.DataFrame:
+    """One row for each passage of a vehicle through a cell of a main lane: lane, cell, and median y.
+
+    The lane is the one most rows name, so that ids that flicker have no say, and slow vehicles no more than
+    others.
+    """
+    cell = np.floor(tracks.x / CELL).astype(np.int64)
+    rows = pd.DataFrame({"vehicle": tracks.vehicle, "cell": cell, "lane": lane_ids, "y": tracks.y})
+    lanes = rows.groupby(["vehicle", "cell", "lane"])["y"].agg(["median", "size"]).reset_index()
+    lanes = lanes.sort_values("size", kind="stable").drop_duplicates(["vehicle", "cell"], keep="last")
+    passages = lanes.rename(columns={"median": "y"})[["lane", "cell", "y"]]
+    return passages[passages["lane"].isin(_main_lanes(passages))]
 
 
-def _main_lanes(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> list[int]:
+def _main_lanes(passages: pd.DataFrame) -> list[int]:
     """Lane ids that span the section, and those that lie between two such, by position from the left."""
-    rows = pd.DataFrame({"lane": lane_ids, "cell": np.floor(tracks.x / CELL), "y": tracks.y})
-    lanes = rows.groupby("lane").agg(span=("cell", "nunique"), y=("y", "median")).sort_values("y")
+    lanes = passages.groupby("lane").agg(span=("cell", "nunique"), y=("y", "median")).sort_values("y")
     spans = np.flatnonzero(lanes["span"] >= SPAN * lanes["span"].max())
     return [int(lane) for lane in lanes.index[spans[0] : spans[-1] + 1]]
 
@@ -92,14 +87,11 @@ def _main_lanes(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> list[int]:
 def fit_lanes(
     path: Path, tracks: Tracks, lane_ids: npt.NDArray[np.int64], speed_limit: float
 ) -> tuple[Lane, ...]:
-    """The main lanes, strips that touch; borders lie midway between the medians of neighbours' vehicles.
+    """The main lanes, strips that touch; borders lie midway between the medians of neighbours.
 
     Raises: UserError where two lanes lie too close to be two.
     """
-    cells = pd.DataFrame({"lane": lane_ids, "vehicle": tracks.vehicle, "y": tracks.y})
-    once = cells.groupby(["lane", "vehicle"])["y"].median()
-    main = _main_lanes(tracks, lane_ids)
-    medians = once.groupby("lane").median().loc[main].sort_values()
+    medians = _passages(tracks, lane_ids).groupby("lane")["y"].median().sort_values()
     centres = medians.to_numpy(dtype=np.float64)
     spacing = np.diff(centres)
     if len(spacing) and spacing.min() < LEAST_WIDTH:

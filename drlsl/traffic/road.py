@@ -1,4 +1,4 @@
-"""The road: directions and lanes, in SI units. Standard library only, so that `drlsl query` starts quickly."""
+"""The road: directions and lanes, in SI units. Standard library only, so that commands start quickly."""
 
 from __future__ import annotations
 

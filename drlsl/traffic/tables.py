@@ -75,14 +75,17 @@ def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS
     """
     header = layout.names or read_header(path)
     columns = find_columns(path, header, tuple(wanted))
+    types = {columns[name]: "str" if kind is Kind.TEXT else "float64" for name, kind in wanted.items()}
+    # A line cut short lacks its last cell, which nobody else may want.
+    types.setdefault(header[-1], "str")
     try:
         frame = pd.read_csv(
             path,
             sep="," if layout.names is None else r"\s+",
             header=None if layout.names else 0,
             names=list(header),
-            usecols=list(columns.values()),
-            dtype={columns[name]: "str" if kind is Kind.TEXT else "float64" for name, kind in wanted.items()},
+            usecols=list(types),
+            dtype=types,
             index_col=False,
             thousands=",",
             encoding=ENCODING,
@@ -90,12 +93,15 @@ def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS
     except UNREADABLE as error:
         raise unreadable(path, error) from error
     except ValueError as error:
-        raise _first_fault(path, wanted, layout) from error
+        raise _first_fault(path, wanted, layout) or UserError(f"{path}: malformed table: {error}") from error
+    cut = frame[header[-1]].isna().any()
     frame = frame.rename(columns={column: name for name, column in columns.items()})
-    for name, kind in wanted.items():
-        if kind is not Kind.TEXT and not kind.holds(frame[name].to_numpy()).all():
-            raise _first_fault(path, wanted, layout)
-    return frame
+    numbers = (name for name, kind in wanted.items() if kind is not Kind.TEXT)
+    if cut or not all(wanted[name].holds(frame[name].to_numpy()).all() for name in numbers):
+        fault = _first_fault(path, wanted, layout)
+        if fault is not None:
+            raise fault
+    return frame[list(wanted)]
 
 
 def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
@@ -111,8 +117,8 @@ def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
         raise unreadable(path, error) from error
 
 
-def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> UserError:
-    """The error for the first line at fault, found by a slow second reading."""
+def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> UserError | None:
+    """The error for the first line at fault, found by a slow second reading; None where no line is."""
     lines = _lines(path, layout)
     header = layout.names or [cell.strip() for cell in next(lines)[1]]
     places = {
@@ -127,7 +133,7 @@ def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> User
                 return UserError(
                     f"{path}:{number}: column {header[places[name]]}: {cell!r} is not {kind.value}"
                 )
-    return UserError(f"{path}: the table is malformed")
+    return None
 
 
 def _number(cell: str) -> float:

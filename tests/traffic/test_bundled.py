@@ -1,0 +1,170 @@
+"""The bundled recordings are what the documentation promises."""
+
+from __future__ import annotations
+
+import lzma
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from drlsl.traffic.generate import HARDEST_BRAKING, PRESETS
+from drlsl.traffic.load import bundled_recordings, load_recording
+from drlsl.traffic.recording import Mask, Recording, VehicleClass
+from drlsl.traffic.report import RecordingReport, recording_report
+from drlsl.traffic.road import Direction
+from drlsl.traffic.sources import BUNDLED
+
+HIGHWAYS = ("highway-train", "highway-test")
+NAMES = (*HIGHWAYS, "freeway")
+
+
+@pytest.fixture(scope="module")
+def recordings() -> Mapping[str, Recording]:
+    return {name: load_recording(name, cache=False) for name in NAMES}
+
+
+@pytest.fixture(scope="module")
+def reports(recordings: Mapping[str, Recording]) -> Mapping[str, RecordingReport]:
+    return {name: recording_report(recording) for name, recording in recordings.items()}
+
+
+def of_class(recording: Recording, kind: VehicleClass) -> Mask:
+    ids = [vehicle for vehicle, found in recording.vehicle_class.items() if found is kind]
+    return recording.frames.valid & np.isin(recording.frames.vehicle, ids)
+
+
+def continued(recording: Recording) -> Mask:
+    """Slots, from frame 1 on, whose vehicle was there the frame before."""
+    index = np.arange(1, recording.frame_count)[:, None]
+    return recording.frames.valid[1:] & (recording.frames.first[1:] < index)
+
+
+def test_there_is_one_for_each_preset() -> None:
+    assert set(bundled_recordings()) == set(NAMES) == set(PRESETS)
+
+
+def test_all_together_take_four_megabytes_at_most() -> None:
+    assert sum(path.stat().st_size for path in BUNDLED.rglob("*") if path.is_file()) <= 4_000_000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_promise_of_a_recording_is_kept(recordings: Mapping[str, Recording], name: str) -> None:
+    recordings[name].validate()
+    assert recordings[name].dropped == ()
+    assert recordings[name].notes == ()
+
+
+@pytest.mark.parametrize("name", HIGHWAYS)
+def test_a_highway_looks_like_highd(
+    recordings: Mapping[str, Recording], reports: Mapping[str, RecordingReport], name: str
+) -> None:
+    recording, report = recordings[name], reports[name]
+    assert recording.frame_rate == 25.0
+    assert [lane.direction.sign for lane in recording.lanes] == [-1, -1, -1, 1, 1, 1]
+    assert (recording.x_min, recording.x_max) == pytest.approx((0.0, 420.0), abs=0.1)
+    assert report.appearances / (recording.duration - 1) * 600 == pytest.approx(1700, rel=0.08)
+    assert report.trucks / report.vehicles == pytest.approx(0.11, abs=0.015)
+    assert report.lane_changes / report.vehicles > 0.05
+
+
+def test_lengths(recordings: Mapping[str, Recording]) -> None:
+    minutes = {name: recording.duration / 60 for name, recording in recordings.items()}
+    assert minutes == pytest.approx({name: preset.minutes for name, preset in PRESETS.items()})
+    assert minutes["highway-train"] >= 3.0
+    assert min(minutes.values()) >= 1.5
+
+
+def test_the_freeway_looks_like_us101(
+    recordings: Mapping[str, Recording], reports: Mapping[str, RecordingReport]
+) -> None:
+    recording, report = recordings["freeway"], reports["freeway"]
+    assert recording.frame_rate == 10.0
+    assert recording.directions == (Direction.LEFT_TO_RIGHT,)
+    assert len(recording.lanes) == 5
+    assert recording.lanes[0].speed_limit == pytest.approx(29.06)
+    assert np.mean([lane.density_veh_per_km for lane in report.lanes]) > 25
+    assert 6.0 < np.mean(recording.frames.vx[recording.frames.valid]) < 16.0
+
+
+@pytest.mark.parametrize("name", HIGHWAYS)
+def test_people_drive_as_fast_as_they_do(recordings: Mapping[str, Recording], name: str) -> None:
+    recording = recordings[name]
+    speed = np.abs(recording.frames.vx)
+    low, middle, high = np.percentile(speed[of_class(recording, VehicleClass.CAR)], [5, 50, 95])
+    assert low > 23
+    assert 27 < middle < 33
+    assert high > 34
+    trucks = speed[of_class(recording, VehicleClass.TRUCK)]
+    assert 22 < np.mean(trucks) < 25
+    assert trucks.max() < 27
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_two_boxes_overlap(reports: Mapping[str, RecordingReport], name: str) -> None:
+    assert reports[name].overlaps == 0
+    gap = reports[name].gap_m
+    assert gap is not None
+    assert gap.minimum > 1.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nobody_appears_mid_road(reports: Mapping[str, RecordingReport], name: str) -> None:
+    # A vehicle is seen once its box is wholly on the stretch, so 15 m leave room for a step of 4 m.
+    assert reports[name].appearances_mid_road == 0
+    assert reports[name].rows_off_lane == 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_motion_is_continuous_and_agrees_with_velocity(
+    recordings: Mapping[str, Recording], name: str
+) -> None:
+    frames, dt, same = recordings[name].frames, recordings[name].dt, continued(recordings[name])
+    # Positions are rounded to centimetres in either frame, velocities to centimetres per second.
+    rounding = 0.0101
+    for position, velocity in ((frames.x, frames.vx), (frames.y, frames.vy)):
+        step = np.diff(position, axis=0)[same]
+        assert np.abs(step - velocity[1:][same] * dt).max() <= rounding + 0.005 * dt
+    assert np.abs(frames.vy[frames.valid]).max() < 1.5
+    assert np.abs(np.diff(frames.vy, axis=0)[same]).max() / dt < 3.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nobody_brakes_harder_than_a_road_allows(recordings: Mapping[str, Recording], name: str) -> None:
+    frames, dt, same = recordings[name].frames, recordings[name].dt, continued(recordings[name])
+    acceleration = np.diff(frames.vx, axis=0)[same] / dt
+    assert np.abs(acceleration).max() <= HARDEST_BRAKING + 0.01 / dt
+
+
+@pytest.mark.parametrize("name", HIGHWAYS)
+def test_lane_changes_take_seconds(recordings: Mapping[str, Recording], name: str) -> None:
+    recording = recordings[name]
+    frames, same = recording.frames, continued(recording)
+    changes = np.argwhere((np.diff(frames.lane, axis=0) != 0) & same)
+    lateral = [abs(frames.vy[t + 1, k]) for t, k in changes]
+    assert len(changes) > 20
+    assert 0.2 < np.median(lateral) <= 1.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_vehicles_vary_in_size(recordings: Mapping[str, Recording], name: str) -> None:
+    recording = recordings[name]
+    cars, trucks = (of_class(recording, kind) for kind in (VehicleClass.CAR, VehicleClass.TRUCK))
+    assert len(np.unique(recording.frames.length[cars])) > 50
+    assert recording.frames.length[cars].max() < 6 < 7.9 < recording.frames.length[trucks].min()
+    assert recording.frames.width[recording.frames.valid].min() > 1.5
+    assert recording.frames.width[recording.frames.valid].max() < 2.7
+
+
+def test_train_and_test_are_different_traffic(recordings: Mapping[str, Recording]) -> None:
+    train, test = (recordings[name].frame(0) for name in HIGHWAYS)
+    assert sorted(train.x.tolist()) != sorted(test.x.tolist())
+
+
+def test_the_files_have_two_decimals_and_one_lane_numbering() -> None:
+    with lzma.open(BUNDLED / "freeway" / "01_tracks.csv.xz", "rt") as file:
+        names = file.readline().strip().split(",")
+        cells = [file.readline().strip().split(",") for _ in range(100)]
+    assert names[:4] == ["frame", "id", "x", "y"]
+    assert {len(row[2].partition(".")[2]) for row in cells} == {2}
+    assert {int(row[-1]) for row in cells} <= {2, 3, 4, 5, 6}

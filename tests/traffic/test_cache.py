@@ -1,0 +1,155 @@
+"""The cache gives back what was loaded, and notices when it must not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import drlsl.traffic.cache
+import drlsl.traffic.load
+from drlsl.traffic.load import load_recording
+from drlsl.traffic.recording import Recording
+from tests.traffic.writing import Row, write_highd, write_ngsim_csv
+
+ROWS = [
+    Row(frame, vehicle, 50.0 + frame, 22.0 + vehicle)
+    for frame in range(9)
+    for vehicle in range(4)
+    if frame != 4
+]
+
+
+def assert_equal(one: Recording, other: Recording) -> None:
+    for field in ("name", "frame_rate", "lanes", "x_min", "x_max", "vehicle_class", "dropped", "notes"):
+        assert getattr(one, field) == getattr(other, field), field
+    for (name, left), (_, right) in zip(one.frames.arrays(), other.frames.arrays(), strict=True):
+        assert left.dtype == right.dtype, name
+        assert np.array_equal(left, right, equal_nan=left.dtype.kind == "f"), name
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_highd(tmp_path / "h", [*ROWS, ROWS[0]], trucks=[2])
+
+
+def no_parsing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: object) -> Recording:
+        raise AssertionError("the files were read again")
+
+    monkeypatch.setattr(drlsl.traffic.load, "_parse", refuse)
+
+
+def test_the_second_load_is_equal_and_reads_no_table(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = load_recording(folder)
+    no_parsing(monkeypatch)
+    second = load_recording(folder)
+    second.validate()
+    assert_equal(first, second)
+    assert first.dropped
+
+
+def test_an_ngsim_table_is_cached_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_ngsim_csv(tmp_path / "t.csv", [Row(frame, 1, 5.0 + 1.5 * frame, 1.8) for frame in range(50)])
+    first = load_recording(path)
+    no_parsing(monkeypatch)
+    assert_equal(first, load_recording(path))
+
+
+def test_without_cache_nothing_is_kept(folder: Path, cache_folder: Path) -> None:
+    load_recording(folder, cache=False)
+    assert list(cache_folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("file", ["01_tracks.csv", "01_tracksMeta.csv", "01_recordingMeta.csv"])
+def test_a_changed_file_is_read_again(folder: Path, cache_folder: Path, file: str) -> None:
+    load_recording(folder)
+    status = (folder / file).stat()
+    old, new = {
+        "01_tracks.csv": ("\n0,0,", "\n8,9,"),
+        "01_tracksMeta.csv": ("2,Truck", "2,Car\n9,Car"),
+        "01_recordingMeta.csv": ("25.0", "10.0"),
+    }[file]
+    if file == "01_tracks.csv":
+        (folder / "01_tracksMeta.csv").write_text("id,class\n" + "".join(f"{n},Car\n" for n in range(10)))
+    text = (folder / file).read_text()
+    assert old in text
+    (folder / file).write_text(text.replace(old, new, 1))
+    os.utime(folder / file, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert_equal(load_recording(folder), load_recording(folder, cache=False))
+    assert len(list(cache_folder.iterdir())) == 1
+
+
+def test_equal_names_elsewhere_are_not_confused(tmp_path: Path) -> None:
+    one = write_highd(tmp_path / "a" / "h", [Row(1, 1, 50.0, 22.0)])
+    other = write_highd(tmp_path / "b" / "h", [Row(1, 1, 60.0, 22.0)])
+    assert load_recording(one).frame(0).x.tolist() == [50.0]
+    assert load_recording(other).frame(0).x.tolist() == [60.0]
+    assert load_recording(one).frame(0).x.tolist() == [50.0]
+
+
+def damage(path: Path, how: str) -> None:
+    content = bytearray(path.read_bytes())
+    if how == "truncated":
+        path.write_bytes(content[: len(content) // 2])
+    elif how == "empty":
+        path.write_bytes(b"")
+    elif how == "text":
+        path.write_text("not an archive")
+    elif how == "pickle":
+        np.savez(path, facts=np.array([{"a": 1}], dtype=object))
+    elif how == "other":
+        np.savez(path, something=np.zeros(3))
+    else:
+        place = content.index(np.float64(50.0 + 3).tobytes())
+        content[place] ^= 0xFF
+        path.write_bytes(content)
+
+
+@pytest.mark.parametrize("how", ["truncated", "empty", "text", "pickle", "other", "one bit of a position"])
+def test_a_damaged_cache_is_rebuilt_with_a_warning(folder: Path, cache_folder: Path, how: str) -> None:
+    first = load_recording(folder)
+    (path,) = cache_folder.iterdir()
+    damage(path, how)
+    with pytest.warns(UserWarning, match="damaged cache file, rebuilt"):
+        second = load_recording(folder)
+    assert_equal(first, second)
+    assert_equal(first, load_recording(folder))
+
+
+def test_another_loader_version_reads_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    load_recording(folder)
+    monkeypatch.setattr(drlsl.traffic.cache, "LOADER_VERSION", -1)
+    no_parsing(monkeypatch)
+    with pytest.raises(AssertionError, match="read again"):
+        load_recording(folder)
+
+
+def test_a_cache_folder_that_cannot_be_written_only_warns(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("DRLSL_CACHE", str(tmp_path / "file" / "cache"))
+    with pytest.warns(UserWarning, match="cannot be cached there"):
+        recording = load_recording(folder)
+    assert recording.frame_count == 9
+
+
+def test_a_cached_recording_needs_no_pandas(folder: Path) -> None:
+    load_recording(folder)
+    code = (
+        "import sys; from drlsl.traffic.load import load_recording; "
+        f"load_recording({str(folder)!r}); sys.exit('pandas' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_folder_is_the_platforms(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("DRLSL_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert drlsl.traffic.cache.cache_folder() == tmp_path / "drlsl"

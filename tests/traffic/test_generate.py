@@ -1,0 +1,177 @@
+"""Synthetic recordings are made as ordered, and written whole or not at all."""
+
+from __future__ import annotations
+
+import builtins
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drlsl.errors import UserError
+from drlsl.traffic import generate
+from drlsl.traffic.generate import PRESETS, find_preset, simulate
+from drlsl.traffic.highd_writer import HighdContent, write_highd
+from drlsl.traffic.load import load_recording
+from drlsl.traffic.recording import VehicleClass
+from drlsl.traffic.report import recording_report
+from drlsl.traffic.tracks import Tracks
+
+needs_sumo = pytest.mark.skipif(importlib.util.find_spec("libsumo") is None, reason="needs the extra sumo")
+
+SMALL = replace(PRESETS["highway-train"], frame_rate=10.0, run_up=200.0, run_out=100.0, warm_up=30.0)
+
+
+@pytest.fixture(scope="module")
+def content() -> HighdContent:
+    pytest.importorskip("libsumo", reason="needs the extra sumo")
+    return simulate(SMALL, seed=5, minutes=0.2)
+
+
+def by_hand() -> HighdContent:
+    """Car 1 changes from the lower of two lanes to the upper; truck 2 drives the other way."""
+    frame = np.array([0, 1, 2, 0, 1])
+    vehicle = np.array([1, 1, 1, 2, 2])
+    x = np.array([50.0, 51.2, 52.4, 300.0, 299.04])
+    y = np.array([24.5, 24.1, 23.5, 10.0, 10.0])
+    vx = np.array([30.0, 30.0, 30.0, -24.0, -24.0])
+    vy = np.array([-10.0, -10.0, -15.0, -0.001, 0.0])
+    length = np.array([4.0, 4.0, 4.0, 14.0, 14.0])
+    width = np.array([2.0, 2.0, 2.0, 2.5, 2.5])
+    return HighdContent(
+        tracks=Tracks(frame, vehicle, x, y, vx, vy, length, width),
+        ax=np.zeros(5),
+        ay=np.zeros(5),
+        vehicle_class={1: VehicleClass.CAR, 2: VehicleClass.TRUCK},
+        frame_rate=25.0,
+        upper_markings=(8.0, 12.0),
+        lower_markings=(20.0, 24.0, 28.0),
+        speed_limit=None,
+    )
+
+
+def test_what_is_written_by_hand_is_read_back(tmp_path: Path) -> None:
+    recording = load_recording(write_highd(by_hand(), tmp_path / "out"))
+    frames, given = recording.frames, by_hand().tracks
+    for index in range(len(given)):
+        place = (
+            given.frame[index],
+            int(np.flatnonzero(frames.vehicle[given.frame[index]] == given.vehicle[index])[0]),
+        )
+        for name in ("x", "y", "vx", "length", "width"):
+            assert getattr(frames, name)[place] == pytest.approx(getattr(given, name)[index], abs=0.0051)
+    assert recording.vehicle_class == by_hand().vehicle_class
+    assert [lane.centre for lane in recording.lanes] == [10.0, 22.0, 26.0]
+
+
+def test_the_derived_columns_mean_what_highd_means(tmp_path: Path) -> None:
+    folder = write_highd(by_hand(), tmp_path / "out")
+    tracks = pd.read_csv(folder / "01_tracks.csv")
+    assert tracks["laneId"].tolist() == [5, 5, 4, 2, 2]
+    assert tracks["frame"].min() == 1
+    assert "-0.00" not in (folder / "01_tracks.csv").read_text()
+    vehicles = pd.read_csv(folder / "01_tracksMeta.csv")
+    assert vehicles["drivingDirection"].tolist() == [2, 1]
+    assert vehicles["numLaneChanges"].tolist() == [1, 0]
+    assert vehicles["class"].tolist() == ["Car", "Truck"]
+    assert vehicles["finalFrame"].tolist() == [3, 2]
+    assert vehicles["minXVelocity"].tolist() == [30.0, 24.0]
+    meta = pd.read_csv(folder / "01_recordingMeta.csv").iloc[0]
+    assert (meta["numCars"], meta["numTrucks"], meta["speedLimit"]) == (1, 1, -1.0)
+    assert (meta["upperLaneMarkings"], meta["lowerLaneMarkings"]) == ("8.00;12.00", "20.00;24.00;28.00")
+
+
+def test_an_existing_folder_is_kept_unless_forced(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "precious.txt").write_text("keep me")
+    with pytest.raises(UserError, match="exists already; choose another folder or add --force"):
+        write_highd(by_hand(), out)
+    assert (out / "precious.txt").read_text() == "keep me"
+    write_highd(by_hand(), out, force=True)
+    assert sorted(path.name for path in out.iterdir()) == [
+        "01_recordingMeta.csv",
+        "01_tracks.csv",
+        "01_tracksMeta.csv",
+    ]
+
+
+def test_a_failed_write_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "old.txt").write_text("old")
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(UserError, match="cannot be written: disk full"):
+        write_highd(by_hand(), out, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert (out / "old.txt").read_text() == "old"
+
+
+def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with pytest.raises(UserError, match="is a file, expected a folder"):
+        write_highd(by_hand(), tmp_path / "out", force=True)
+
+
+def test_without_sumo_there_is_a_way_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def missing(name: str, *arguments: Any, **options: Any) -> Any:
+        if name == "libsumo":
+            raise ImportError("No module named 'libsumo'", name=name)
+        return real(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(UserError, match=r"libsumo is missing.*pip install 'drlsl\[sumo\]'"):
+        simulate(SMALL, seed=1, minutes=0.1)
+
+
+@pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_length_that_is_none_is_refused(minutes: float) -> None:
+    with pytest.raises(UserError, match="minutes"):
+        simulate(SMALL, seed=1, minutes=minutes)
+
+
+def test_an_unknown_preset_is_refused() -> None:
+    with pytest.raises(UserError, match="no preset 'moon'; there are highway-train, highway-test, freeway"):
+        find_preset("moon")
+
+
+@needs_sumo
+def test_the_same_seed_makes_the_same_files(content: HighdContent, tmp_path: Path) -> None:
+    one = write_highd(content, tmp_path / "one")
+    other = write_highd(simulate(SMALL, seed=5, minutes=0.2), tmp_path / "other")
+    third = write_highd(simulate(SMALL, seed=6, minutes=0.2), tmp_path / "third")
+    for path in one.iterdir():
+        assert path.read_bytes() == (other / path.name).read_bytes()
+    assert (one / "01_tracks.csv").read_bytes() != (third / "01_tracks.csv").read_bytes()
+
+
+@needs_sumo
+def test_what_is_made_is_a_sound_recording(content: HighdContent, tmp_path: Path) -> None:
+    recording = load_recording(write_highd(content, tmp_path / "out", compress=True))
+    report = recording_report(recording)
+    assert recording.frame_count == 120
+    assert recording.dropped == recording.notes == ()
+    assert report.overlaps == 0
+    assert {lane.direction.sign for lane in recording.lanes} == {-1, 1}
+    for lane in recording.lanes:
+        here = recording.frames.valid & (recording.frames.lane == lane.id)
+        assert (recording.frames.vx[here] * lane.direction.sign > 0).all()
+
+
+def test_smoothing_keeps_what_is_straight_and_blunts_a_jump() -> None:
+    vehicle = np.repeat([1.0, 2.0], 60)
+    values = np.concatenate([np.full(60, 3.0), np.where(np.arange(60) < 30, 5.0, 6.0)])
+    smooth = generate._smoothed(values, vehicle, 4.0)
+    assert smooth[:60] == pytest.approx(np.full(60, 3.0))
+    assert np.abs(np.diff(smooth[60:])).max() < 0.11
+    assert (smooth[60], smooth[-1]) == pytest.approx((5.0, 6.0))
