@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from drlsl.cli import evaluate, query, stress, train
+from drlsl.cli import data, evaluate, query, stress, train
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 
@@ -27,6 +27,7 @@ app.command()(train.train)
 app.command("eval")(evaluate.evaluate)
 app.command()(query.query)
 app.command()(stress.stress)
+app.add_typer(data.app, name="data")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

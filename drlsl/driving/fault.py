@@ -182,7 +182,7 @@ class _Encounter:
         return entered is not None and self._met_sideways() and self._ego_kept_lane_since_before(entered)
 
     def out_of_nowhere(self) -> bool:
-        """The other appeared inside the stopping distance of the rear one, which had no time to stop since."""
+        """The other appeared inside the stopping distance of the rear one, which had no time to stop."""
         if not self.other_appeared:
             return False
         rear = self.other if self.other.s[0] < self.ego.s[0] else self.ego

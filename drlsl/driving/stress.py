@@ -30,14 +30,14 @@ EGOS: Final = 64
 
 def random_policy(decisions: Decisions, rng: np.random.Generator) -> Actions:
     """Any of the offered actions, each as likely; shape (N,)."""
-    return np.argmax(rng.random(decisions.action_mask.shape) * decisions.action_mask, axis=1)
+    return np.asarray(np.argmax(rng.random(decisions.action_mask.shape) * decisions.action_mask, axis=1))
 
 
 def always_change(decisions: Decisions, rng: np.random.Generator) -> Actions:
     """A lane change whenever one is offered, to a random side; shape (N,)."""
     weight = rng.random(decisions.action_mask.shape)
     weight[:, Action.LANE_KEEPING] *= 1e-9
-    return np.argmax(weight * decisions.action_mask, axis=1)
+    return np.asarray(np.argmax(weight * decisions.action_mask, axis=1))
 
 
 POLICIES: Final[dict[str, Policy]] = {"random": random_policy, "always-change": always_change}

@@ -263,7 +263,7 @@ class World:
         """Set the lanes to steer for; returns which egos start a lane change, shape (N,)."""
         egos = self._egos
         settled: Mask = np.abs(egos.target_y - egos.y) <= CENTRE_TOLERANCE
-        changed = settled & (actions != Action.LANE_KEEPING)
+        changed: Mask = settled & (actions != Action.LANE_KEEPING)
         for ego in np.flatnonzero(changed).tolist():
             self._start_lane_change(ego, Action(int(actions[ego])))
         for ego in np.flatnonzero(~changed & (decisions.lane_to_keep != egos.target_lane)).tolist():

@@ -16,6 +16,7 @@ from drlsl.errors import UserError
 from drlsl.logic import Engine, PrologSyntaxError
 from tests.scenes import road, scenes
 
+TIERS = ("interpreter", "scalar", "numpy")
 SCENE = Scene(road(0, 3), Vehicle(EGO, 2, 0.0, 7.25, 30.0, 0.0, 4.6, 1.9), (), 2)
 
 USABLE = {
@@ -73,8 +74,9 @@ FAILURES = {
 
 
 @pytest.mark.parametrize("changes", FAILURES.values(), ids=FAILURES)
-def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str]) -> None:
-    failing = shield(**changes)
+@pytest.mark.parametrize("tier", ["interpreter"])
+def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str], tier: str) -> None:
+    failing = shield(tier, **changes)
     with pytest.raises(RuleFailure):
         failing.decide(SCENE)
     decisions = failing.decide_batch(SceneBatch.of([SCENE]))
@@ -85,10 +87,12 @@ def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str
     assert decisions.failures[0]
 
 
-def test_only_the_failing_scene_of_a_batch_takes_the_fail_safe() -> None:
+@pytest.mark.parametrize("tier", TIERS)
+def test_only_the_failing_scene_of_a_batch_takes_the_fail_safe(tier: str) -> None:
     picky = shield(
+        tier,
         front_is_free="front_is_free.\n:- dynamic(vehicle/8).",
-        longitudinal_velocity="longitudinal_velocity(V) :- vehicle(ego, _, _, _, Vx, _, _, _), V is 10.0 / Vx.",
+        longitudinal_velocity="longitudinal_velocity(V) :- vehicle(ego, _, _, _, X, _, _, _), V is 10.0 / X.",
     )
     standing = Scene(SCENE.road, SCENE.ego._replace(vx=0.0), (), 2)
     decisions = picky.decide_batch(SceneBatch.of([SCENE, standing]))
@@ -104,16 +108,34 @@ def test_files_that_cannot_be_used(tmp_path: Path) -> None:
         Shield.from_files([tmp_path / "bad.pl"])
 
 
+SHIELDS = {
+    (program, tier): Shield.from_files([Path(__file__).parents[2] / "rules" / program], tier=tier)
+    for program in ("highway.pl", "paper.pl")
+    for tier in TIERS
+}
+
+
+@pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
+@pytest.mark.parametrize("tier", TIERS)
 @given(scene=scenes())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_a_batch_answers_as_its_scenes_do(scene: Scene) -> None:
-    default = Shield.default()
-    decision = default.decide(scene)
-    decisions = default.decide_batch(SceneBatch.of([SCENE, scene]))
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_every_tier_answers_as_the_interpreter_does(program: str, tier: str, scene: Scene) -> None:
+    interpreter, tested = SHIELDS[program, "interpreter"], SHIELDS[program, tier]
+    batch = SceneBatch.of([SCENE, scene])
+    decisions = tested.decide_batch(batch)
+    assert tested.tier == tier
+    try:
+        decision = interpreter.decide(scene)
+    except RuleFailure:
+        assert set(decisions.failures) == {1}
+        return
     assert decisions.action_mask[1].tolist() == list(map(bool, decision.action_mask))
     assert decisions.target_speed[1] == decision.target_speed
     assert decisions.observation[1].tolist() == list(decision.observation)
+    assert decisions.front_is_free[1] == decision.front_is_free
+    assert decisions.lane_to_keep[1] == decision.lane_to_keep
     assert not decisions.failures
+    assert tested.entries_are_safe(batch)[1] == interpreter.entry_is_safe(scene)
 
 
 @given(scene=scenes())

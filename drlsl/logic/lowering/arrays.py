@@ -122,7 +122,9 @@ class ArrayPrinter:
             rest = deref(rest.args[1])
         nodes = [self._as_node(item) for item in (items if items and rest is NIL else [deref(term)])]
         if any(node is None for node in nodes):
-            raise NotLowerable(str(answer.query), None, "its answer is neither a number, an atom nor a list of numbers")
+            raise NotLowerable(
+                str(answer.query), None, "its answer is neither a number, an atom nor a list of numbers"
+            )
         return [node for node in nodes if node is not None]
 
     def _as_node(self, term: Sym) -> Node | None:
@@ -203,7 +205,9 @@ class ArrayPrinter:
             elif self._uses[node] > 1 or node.op == "where":
                 self._assign(node)
         for group in self._groups:
-            self._line(f"yield {', '.join(self._text(node, _LOOSE) for node in group)},")
+            self._line(
+                f"yield {', '.join(self._text(node, _LOOSE) for node in group)}," if group else "yield ()"
+            )
         return "\n".join(["def answer(xp, tables):", *self._forgetting(), ""])
 
     def _line(self, text: str) -> None:
@@ -230,7 +234,10 @@ class ArrayPrinter:
                 self._gathered[mask, given] = name
                 self._line(f"{name} = {rows}.{'spread' if not given.free else 'gather'}({text})")
         outside = self._known
-        self._known = {**outside, **{given: name for (own, given), name in self._gathered.items() if own is mask}}
+        self._known = {
+            **outside,
+            **{given: name for (own, given), name in self._gathered.items() if own is mask},
+        }
         self._flat = True
         uses = Counter(plan.heavy)
         for part in plan.private:
@@ -265,7 +272,9 @@ class ArrayPrinter:
     def _column(self, node: Node) -> None:
         relation, column = node.data
         index = node.args[0]
-        field = relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
+        field = (
+            relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
+        )
         self._known[node] = self._names.new(f"{relation.first or ''}_{field}" if index.op == "row" else field)
         rows = "0" if index.op == "row" else "1:" if _ranges_over_others(index) else ":"
         self._line(f"{self._known[node]} = {self._full_column(relation, column)}[{rows}]")
@@ -323,7 +332,10 @@ class ArrayPrinter:
         if node.op == "row":
             return "0", _ATOMIC
         if node.op == "loop":
-            return f"xp.positions({self._text(self._valid_node(node), _LOOSE)}, {int(_ranges_over_others(node))})", _ATOMIC
+            return (
+                f"xp.positions({self._text(self._valid_node(node), _LOOSE)}, {int(_ranges_over_others(node))})",
+                _ATOMIC,
+            )
         axes = self._axes(node)
         if node.op in _INFIX:
             sign, own = _INFIX[node.op]
@@ -332,6 +344,8 @@ class ArrayPrinter:
             return f" {sign} ".join(texts), own
         if node.op in _CALLS:
             args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
+            if node.op == "select" and node.kind == "float" and all(arg.is_const for arg in node.args[1:]):
+                return f"xp.constants({args})", _ATOMIC
             return f"xp.{_CALLS[node.op]}({args})", _ATOMIC
         if node.op == "function":
             args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
@@ -398,7 +412,14 @@ class ArrayPrinter:
         return f"xp.take({column}, {self._text(index, _LOOSE)})"
 
 
-_HINTS: Final = {"any": "found", "first": "chosen", "where": "rows", "min_of": "least", "max_of": "greatest", "both": "mask"}
+_HINTS: Final = {
+    "any": "found",
+    "first": "chosen",
+    "where": "rows",
+    "min_of": "least",
+    "max_of": "greatest",
+    "both": "mask",
+}
 
 
 class _Conjunctions:
@@ -439,7 +460,9 @@ class _Conjunctions:
             counts: Counter[tuple[Node, Node]] = Counter()
             for parts in wanted.values():
                 counts.update(combinations(parts, 2))
-            best = max(counts, key=lambda pair: (counts[pair], -len(pair[0].free | pair[1].free)), default=None)
+            best = max(
+                counts, key=lambda pair: (counts[pair], -len(pair[0].free | pair[1].free)), default=None
+            )
             if best is None or counts[best] < 2:
                 return wanted
             pair = self._both(*best)
