@@ -99,7 +99,9 @@ def asserta(machine: Machine, term: Term) -> bool:
     return True
 
 
-def _matching(machine: Machine, predicate: Predicate, head: Term, body: Term) -> Iterator[tuple[Clause, bool]]:
+def _matching(
+    machine: Machine, predicate: Predicate, head: Term, body: Term
+) -> Iterator[tuple[Clause, bool]]:
     """Unify with one clause after the other as they were at first; yields each that matches, and if it is the last."""
     args = callable_parts(head)[1]
     stored = predicate.stored_clauses()
@@ -128,6 +130,8 @@ def clause(machine: Machine, head: Term, body: Term) -> Iterator[bool | None]:
         if is_builtin(name, len(args)):
             raise permission_error("access", "private_procedure", name_term(name, len(args)))
         return
+    if machine.flags.iso and not predicate.dynamic:
+        raise permission_error("access", "private_procedure", name_term(name, len(args)))
     for _, is_last in _matching(machine, predicate, deref(head), body):
         yield is_last
 
@@ -248,7 +252,9 @@ def predicate_property(machine: Machine, head: Term, wanted: Term) -> Iterator[b
     if type(head) is Var:
         for key, predicate in list(machine.program.predicates.items()):
             if predicate.defined:
-                machine.unify(head, Struct(key[0], tuple([Var() for _ in range(key[1])])) if key[1] else Atom(key[0]))
+                machine.unify(
+                    head, Struct(key[0], tuple([Var() for _ in range(key[1])])) if key[1] else Atom(key[0])
+                )
                 for found in _properties(predicate):
                     if attempt(machine, wanted, found):
                         yield None
