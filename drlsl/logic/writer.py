@@ -290,7 +290,7 @@ class _Writer:
     def _limit(self, operand: Term, maximum: int, priority: int) -> int:
         """The highest priority at which an operand before an operator may stand without brackets.
 
-        It is 0 where the operator would be read as part of the operand's own last operand, as in ``(fy 1)yf``.
+        It is 0 where the operator would be read as part of the operand's last operand, as in ``(fy 1)yf``.
         """
         operators = self.style.operators
         term, own_maximum = deref(operand), maximum
