@@ -274,11 +274,9 @@ class _Totals:
 
     def text(self) -> str:
         rate = self.steps / max(perf_counter() - self._started, 1e-9)
-        mean = sum(self._returns) / len(self._returns) if self._returns else float("nan")
-        return (
-            f"{rate:5.0f} steps/s  return {mean:7.1f}  "
-            f"contacts {self._at_fault} at fault, {self._not_at_fault} not  off-road {self._off_road}"
-        )
+        mean = sum(self._returns) / len(self._returns)
+        contacts = f"{self._at_fault} at fault, {self._not_at_fault} not"
+        return f"{rate:.0f} steps/s  return {mean:.1f}  contacts {contacts}  off-road {self._off_road}"
 
 
 class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
@@ -302,34 +300,39 @@ class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
 
 
 class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
-    """Progress as a bar that stays in place."""
+    """Progress as a bar and a line below it that stay in place."""
 
     def __init__(self, session: Session, console: Console) -> None:
+        from rich.console import Group
+        from rich.live import Live
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.text import Text
 
         self._progress = Progress(
             TextColumn("episode"),
             MofNCompleteColumn(),
-            BarColumn(bar_width=20),
-            TimeRemainingColumn(compact=True),
-            TextColumn("{task.fields[totals]}"),
-            console=console,
+            BarColumn(),
+            TimeRemainingColumn(),
+            TextColumn("left"),
+        )
+        self._task = self._progress.add_task(
+            "", total=session.folder.config.episodes, completed=session.trainer.episode
         )
         self._totals = _Totals()
-        self._task = self._progress.add_task(
-            "", total=session.folder.config.episodes, completed=session.trainer.episode, totals=""
-        )
+        self._line = Text()
+        self._live = Live(Group(self._progress, self._line), console=console)
 
     def __enter__(self) -> _LiveDisplay:
-        self._progress.start()
+        self._live.start()
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._progress.stop()
+        self._live.stop()
 
     def step(self) -> None:
         self._totals.steps += 1
 
     def episode(self, event: EpisodeEvent) -> None:
         self._totals.add(event)
-        self._progress.update(self._task, completed=event.episode, totals=self._totals.text())
+        self._line.plain = self._totals.text()
+        self._progress.update(self._task, completed=event.episode)

@@ -17,7 +17,18 @@ FORMAT = 1
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Replace a file by `content` so that a crash leaves the old file or the new one, never a part."""
+    """Replace a file by `content` so that a crash leaves the old file or the new one, never a part.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    try:
+        _replace(path, content)
+    except OSError as error:
+        raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
+
+
+def _replace(path: Path, content: bytes) -> None:
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     temporary = Path(name)
     try:

@@ -91,11 +91,19 @@ class RunFolder:
         return self.root / FIGURES
 
     def append_metrics(self, event: EpisodeEvent) -> None:
-        """Add an episode's row; floats are written so that they read back bit for bit."""
+        """Add an episode's row; floats are written so that they read back bit for bit.
+
+        Raises:
+            UserError: the file cannot be written.
+        """
         row = {_COLUMN_OF.get(name, name): value for name, value in dataclasses.asdict(event.summary).items()}
         row |= {name: getattr(event, name) for name in METRIC_COLUMNS if name not in row}
-        with (self.root / METRICS).open("a", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerow(_cell(row[name]) for name in METRIC_COLUMNS)
+        path = self.root / METRICS
+        try:
+            with path.open("a", newline="", encoding="utf-8") as file:
+                csv.writer(file, lineterminator="\n").writerow(_cell(row[name]) for name in METRIC_COLUMNS)
+        except OSError as error:
+            raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
 
     def sync_metrics(self) -> None:
         """Force the rows to the disk, so that no checkpoint is ever ahead of them."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from drlsl import driving
-from drlsl.config import TrainConfig
+from drlsl.config import TrainConfig, make_config
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.episode import Highway
@@ -46,7 +46,7 @@ class Session:
         """
         folder = RunFolder.open(root)
         state = load_state(folder.checkpoint, "checkpoint")
-        if state["config"] != folder.config.model_dump_json():
+        if make_config(state["config"], f"{folder.checkpoint}") != folder.config:
             raise UserError(
                 f"{root}: config.yaml was changed after the checkpoint; undo that, or use --force"
             )
@@ -79,7 +79,7 @@ class Session:
     def checkpoint(self) -> None:
         """Write the whole state of the learner, then the weights by themselves."""
         self.folder.sync_metrics()
-        config = self.folder.config.model_dump_json()
+        config = self.folder.config.model_dump(mode="json")
         trainer = self.trainer
         save_state(self.folder.checkpoint, "checkpoint", {"config": config, "trainer": trainer.get_state()})
         network = trainer.agent.network.state_dict()

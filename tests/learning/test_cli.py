@@ -78,7 +78,7 @@ def printed_config(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[
 
 def test_later_settings_win(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "my.yaml").write_text("episodes: 7\nseed: 7\nmethod: dqn\nthreads: 7\n")
-    assert printed_config(capsys)["episodes"] == 150
+    assert printed_config(capsys)["episodes"] == 100
     assert printed_config(capsys, "--preset", "paper")["episodes"] == 1_500
     found = printed_config(
         capsys,

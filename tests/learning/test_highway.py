@@ -8,6 +8,9 @@ import pytest
 
 from drlsl.cli import run
 from drlsl.learning.rundir import RunFolder
+from drlsl.learning.session import Session
+
+from .test_session import assert_same_outcome
 
 SHORT = ["--preset", "tiny", "--episodes", "3", "--track-length", "60", "--device", "cpu"]
 
@@ -34,8 +37,12 @@ def test_train_and_eval_in_recorded_traffic(
     assert all(math.isfinite(item["total_return"]) for item in on["per_episode"] + off["per_episode"])
 
 
-def test_two_trainings_of_one_seed_agree(tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        assert run(["train", *SHORT, "--out", str(tmp_path / name)]) == 0
-    one, two = (RunFolder.open(tmp_path / name).metrics().drop(columns="wall_s") for name in ("one", "two"))
-    assert one.equals(two)
+def test_a_stopped_training_resumes_bit_for_bit(tmp_path: Path) -> None:
+    assert run(["train", *SHORT, "--out", str(tmp_path / "whole")]) == 0
+    session = Session.start(tmp_path / "stopped", RunFolder.open(tmp_path / "whole").config)
+    for _ in session.run(lambda: session.trainer.episode == 2):
+        pass
+    assert session.saved_episode == 2
+    for _ in Session.resume(tmp_path / "stopped").run():
+        pass
+    assert_same_outcome(tmp_path / "whole", tmp_path / "stopped")
