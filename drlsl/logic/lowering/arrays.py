@@ -1,8 +1,9 @@
 """The back end for many scenes at once: the text of one function over arrays, without any loop over scenes.
 
-A value that depends on rows is an array with an axis for each relation's rows and, last, one for the scenes; a value
-of the scene alone has the last axis only. A quantifier is a reduction along its rows under a mask. The text calls a
-small set of operations (`numpy_backend.Ops`) so that another array library can stand in for NumPy.
+A value that depends on rows is an array with an axis for each relation's rows and, last, one for the scenes;
+a value of the scene alone has the last axis only. A quantifier is a reduction along its rows under a mask.
+The text calls a small set of operations (`numpy_backend.Ops`) so that another array library can stand in for
+NumPy.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from drlsl.logic.lowering.lower import Answer, Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.lowering.sparse import Sparse, mask_parts, plan_sparse
-from drlsl.logic.lowering.trees import Sym
-from drlsl.logic.terms import NIL, Atom, Struct, deref
+from drlsl.logic.lowering.trees import Sym, resolve
+from drlsl.logic.terms import NIL, Atom, Struct
 
 _INFIX: Final = {
     "add": ("+", 11),
@@ -67,9 +68,9 @@ _LEAVES: Final = frozenset({"const", "loop", "facts", "others", "row"})
 class ArrayPrinter:
     """Writes the function for one lowered program.
 
-    `codes` gives each atom of the program the integer that stands for it in arrays. `columns` are those that the
-    function reads, by relation. `shapes` says of each `first` query whether its numbers are all integers or atoms,
-    and whether it is one number instead of several.
+    `codes` gives each atom of the program the integer that stands for it in arrays. `columns` are those that
+    the function reads, by relation. `shapes` says of each `first` query whether its numbers are all integers
+    or atoms, and whether it is one number instead of several.
     """
 
     def __init__(self, lowered: Lowered) -> None:
@@ -104,23 +105,23 @@ class ArrayPrinter:
         if query.mode == "first":
             if answer.terms is None:
                 raise NotLowerable(str(query), None, "its answers are of unlike kinds")
-            nodes = [node for term in answer.terms for node in self._flat(answer, term)]
+            nodes = [node for term in answer.terms for node in self._items(answer, term)]
             exact = not any(node.kind in ("float", "number") for node in nodes)
-            plain = len(answer.terms) == 1 and isinstance(deref(answer.terms[0]), Node | Atom | int | float)
+            plain = len(answer.terms) == 1 and isinstance(resolve(answer.terms[0]), Node | Atom | int | float)
             self.shapes[str(query)] = (exact, plain)
             return [answer.found, *nodes]
         if answer.choices is None:
             raise NotLowerable(str(query), None, "its solutions are not among a few constants")
         return [cond for _, cond in answer.choices]
 
-    def _flat(self, answer: Answer, term: Sym) -> list[Node]:
+    def _items(self, answer: Answer, term: Sym) -> list[Node]:
         """The numbers of a term: itself, or the elements of a list."""
         items: list[Sym] = []
-        rest = deref(term)
+        rest = resolve(term)
         while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
-            items.append(deref(rest.args[0]))
-            rest = deref(rest.args[1])
-        nodes = [self._as_node(item) for item in (items if items and rest is NIL else [deref(term)])]
+            items.append(resolve(rest.args[0]))
+            rest = resolve(rest.args[1])
+        nodes = [self._as_node(item) for item in (items if items and rest is NIL else [resolve(term)])]
         if any(node is None for node in nodes):
             raise NotLowerable(
                 str(answer.query), None, "its answer is neither a number, an atom nor a list of numbers"
@@ -332,10 +333,8 @@ class ArrayPrinter:
         if node.op == "row":
             return "0", _ATOMIC
         if node.op == "loop":
-            return (
-                f"xp.positions({self._text(self._valid_node(node), _LOOSE)}, {int(_ranges_over_others(node))})",
-                _ATOMIC,
-            )
+            valid = self._text(self.pool.make("valid", "bool", (node,)), _LOOSE)
+            return f"xp.positions({valid}, {int(_ranges_over_others(node))})", _ATOMIC
         axes = self._axes(node)
         if node.op in _INFIX:
             sign, own = _INFIX[node.op]
@@ -398,9 +397,6 @@ class ArrayPrinter:
         self.columns.setdefault(relation, set())
         rows = "1:" if _ranges_over_others(loop) else ":"
         return f"tables[{relation.name!r}, {relation.arity}].valid[{rows}]", _ATOMIC
-
-    def _valid_node(self, loop: Node) -> Node:
-        return self.pool.make("valid", "bool", (loop,))
 
     def _gather(self, node: Node) -> str:
         index = node.args[0]
@@ -493,4 +489,4 @@ def _ranges_over_others(index: Node) -> bool:
 
 
 def _words(line: str) -> list[str]:
-    return [word for word in "".join(c if c.isalnum() or c == "_" else " " for c in line).split()]
+    return "".join(c if c.isalnum() or c == "_" else " " for c in line).split()

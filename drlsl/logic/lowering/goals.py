@@ -19,9 +19,10 @@ from drlsl.logic.lowering.trees import (
     guard,
     has_each,
     require,
+    resolve,
     seq,
 )
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, Atom, Struct, Var
 
 if TYPE_CHECKING:
     from drlsl.logic.lowering.unfold import Continue, Unfolder
@@ -64,7 +65,7 @@ def _and(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 @_goal(";", 2)
 @_goal("|", 2)
 def _or(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    left = deref(args[0])
+    left = resolve(args[0])
     if isinstance(left, Struct) and len(left.args) == 2 and left.name == "->":
         cond, yes = left.args
         return unfold.committed([cond], lambda: unfold.solve(yes, then), lambda: unfold.solve(args[1], then))
@@ -104,7 +105,9 @@ def _not(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     tree = unfold.tree_of([args[0]])
     undecided = unfold.fold.undecided(tree, whole=False)
     absent = unfold.pool.not_(unfold.fold.exists(tree))
-    return require(unfold.pool.not_(undecided), guard(absent, then() if absent is not unfold.pool.false else FAIL))
+    return require(
+        unfold.pool.not_(undecided), guard(absent, then() if absent is not unfold.pool.false else FAIL)
+    )
 
 
 @_goal("forall", 2)
@@ -114,7 +117,7 @@ def _forall(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 
 
 def _call(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    goal = deref(args[0])
+    goal = resolve(args[0])
     if isinstance(goal, Atom):
         called: Sym = Struct(goal.name, tuple(args[1:])) if len(args) > 1 else goal
     elif isinstance(goal, Struct):
@@ -155,7 +158,7 @@ def _not_identical(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tre
 
 def _type_test(name: str, holds: Callable[[Sym], bool | Node]) -> None:
     def test(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-        result = holds(deref(args[0]))
+        result = holds(resolve(args[0]))
         return guard(result if isinstance(result, Node) else unfold.pool.const(result), then())
 
     GOALS[name, 1] = test
@@ -164,13 +167,21 @@ def _type_test(name: str, holds: Callable[[Sym], bool | Node]) -> None:
 def _kind(term: Sym) -> str:
     if isinstance(term, Node):
         return term.kind
-    names = {Atom: "atom", int: "int", float: "float", Var: "var", str: "string", Struct: "compound", Bag: "list"}
+    names = {
+        Atom: "atom",
+        int: "int",
+        float: "float",
+        Var: "var",
+        str: "string",
+        Struct: "compound",
+        Bag: "list",
+    }
     return names[type(term)]
 
 
 def _is_list(term: Sym) -> bool:
     while isinstance(term, Struct) and term.name == "." and len(term.args) == 2:
-        term = deref(term.args[1])
+        term = resolve(term.args[1])
     return isinstance(term, Bag) or term is NIL
 
 
@@ -195,7 +206,7 @@ def _float(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 
 
 def _of_kind(unfold: Unfolder, term: Sym, kind: str) -> Node:
-    term = deref(term)
+    term = resolve(term)
     if isinstance(term, Node) and term.kind == "number":
         cond, then, els = term.args
         return unfold.pool.choose(cond, _of_kind(unfold, then, kind), _of_kind(unfold, els, kind))
@@ -229,7 +240,7 @@ for _name in COMPARISONS:
 
 @_goal("between", 3)
 def _between(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    low, high, value = map(deref, args)
+    low, high, value = map(resolve, args)
     if not isinstance(value, Var):
         if _kind(value) != "int" or _kind(low) != "int" or _kind(high) != "int":
             unfold.refuse("between/3 with bounds or a value that are not surely integers")
@@ -242,7 +253,7 @@ def _between(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 
 @_goal("succ", 2)
 def _succ(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    low, high = map(deref, args)
+    low, high = map(resolve, args)
     if _kind(low) == "int":
         return unfold.solve(
             Struct(",", (Struct(">=", (low, 0)), Struct("is", (high, Struct("+", (low, 1)))))), then
@@ -273,7 +284,7 @@ def _findall(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 
 @_goal("aggregate_all", 3)
 def _aggregate_all(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    spec = deref(args[0])
+    spec = resolve(args[0])
     if isinstance(spec, Atom) and spec.name == "count":
         return _count(unfold, args[1], args[2], then)
     if isinstance(spec, Struct) and spec.name == "bag" and len(spec.args) == 1:
@@ -284,7 +295,7 @@ def _aggregate_all(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tre
         return _sum(unfold, spec.args[0], args[1], args[2], then)
     if isinstance(spec, Struct) and spec.name in ("min", "max") and len(spec.args) in (1, 2):
         return _extreme(unfold, spec, args[1], args[2], then)
-    unfold.refuse("aggregate_all/3 of anything but count, sum, min, max and bag")
+    return unfold.refuse("aggregate_all/3 of anything but count, sum, min, max and bag")
 
 
 def _count(unfold: Unfolder, goal: Sym, result: Sym, then: Continue) -> Tree:
@@ -295,7 +306,9 @@ def _count(unfold: Unfolder, goal: Sym, result: Sym, then: Continue) -> Tree:
     return require(unfold.pool.not_(undecided), unfold.unified(result, value, then))
 
 
-def _with_value(unfold: Unfolder, expression: Sym, goal: Sym, others: Sequence[Sym], *, counting: bool) -> Tree:
+def _with_value(
+    unfold: Unfolder, expression: Sym, goal: Sym, others: Sequence[Sym], *, counting: bool
+) -> Tree:
     """The solutions of a goal as the value of an expression and other terms."""
     before, unfold.counting = unfold.counting, counting
 
@@ -321,7 +334,7 @@ def _sum(unfold: Unfolder, expression: Sym, goal: Sym, result: Sym, then: Contin
     def bounded(_arithmetic: Arithmetic, total: Node) -> Tree:
         return unfold.unified(result, total.data if total.is_const else total, then)
 
-    return require(unfold.pool.not_(undecided), unfold.evaluated([Struct("+", (value, 0))], bounded))
+    return require(unfold.pool.not_(undecided), unfold.evaluated([value], bounded))
 
 
 def _extreme(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Continue) -> Tree:
@@ -343,10 +356,10 @@ def _extreme(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Conti
 
 def _elements(unfold: Unfolder, term: Sym) -> list[Sym]:
     items: list[Sym] = []
-    term = deref(term)
+    term = resolve(term)
     while isinstance(term, Struct) and term.name == "." and len(term.args) == 2:
         items.append(term.args[0])
-        term = deref(term.args[1])
+        term = resolve(term.args[1])
     if term is not NIL:
         unfold.refuse("it goes through a list that is not known in full")
     return items
@@ -354,7 +367,7 @@ def _elements(unfold: Unfolder, term: Sym) -> list[Sym]:
 
 @_goal("member", 2)
 def _member(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    found = deref(args[1])
+    found = resolve(args[1])
     if isinstance(found, Bag):
         return unfold.splice(found.tree, [args[0]], then)
     return seq([unfold.unified(args[0], item, then) for item in _elements(unfold, found)])
@@ -367,7 +380,7 @@ def _memberchk(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 
 @_goal("length", 2)
 def _length(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    found = deref(args[0])
+    found = resolve(args[0])
     if isinstance(found, Bag):
         number = unfold.fold.count(found.tree)
         return unfold.unified(args[1], number.data if number.is_const else number, then)
@@ -377,7 +390,9 @@ def _length(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 def _list_extreme(name: str, spec: str) -> None:
     def extreme(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
         item = Var("Item")
-        return _aggregate_all(unfold, [Struct(spec, (item,)), Struct("member", (item, args[0])), args[1]], then)
+        return _aggregate_all(
+            unfold, [Struct(spec, (item,)), Struct("member", (item, args[0])), args[1]], then
+        )
 
     GOALS[name, 2] = extreme
 
@@ -386,5 +401,3 @@ _list_extreme("min_list", "min")
 _list_extreme("max_list", "max")
 _list_extreme("sum_list", "sum")
 _list_extreme("sumlist", "sum")
-
-

@@ -1,9 +1,10 @@
 """The intermediate form: typed expressions over the rows of fact relations, each one built only once.
 
 A `Node` is an operation on other nodes. A `Pool` makes them: equal nodes are the same object, so a common
-subexpression costs nothing, and every constructor simplifies what it can without changing a value. An index node
-stands for a row of a relation: a loop that a quantifier binds, the first row that meets a condition, or a fixed
-row. Loops are numbered by how many others enclose them, so that two equal quantifiers are the same node.
+subexpression costs nothing, and every constructor simplifies what it can without changing a value. An index
+node stands for a row of a relation: a loop that a quantifier binds, the first row that meets a condition, or
+a fixed row. Loops are numbered by how many others enclose them, so that two equal quantifiers are the same
+node.
 
 Operations, by kind of result:
 
@@ -45,7 +46,14 @@ class Node:
     __slots__ = ("args", "data", "free", "high", "kind", "low", "op", "order")
 
     def __init__(
-        self, op: str, kind: Kind, args: tuple[Node, ...], data: Any, free: frozenset[Node], bounds: Interval, order: int
+        self,
+        op: str,
+        kind: Kind,
+        args: tuple[Node, ...],
+        data: Any,
+        free: frozenset[Node],
+        bounds: Interval,
+        order: int,
     ) -> None:
         self.op = op
         self.kind = kind
@@ -175,7 +183,9 @@ class Pool:
                     continue
                 changed = True
                 places = [
-                    other for old in parts for other in ((left.args if left.op == "and" else (left,)) if old is part else (old,))
+                    other
+                    for old in parts
+                    for other in ((left.args if left.op == "and" else (left,)) if old is part else (old,))
                 ]
                 parts = dict.fromkeys(places)
                 parts.pop(self.true, None)
@@ -189,7 +199,9 @@ class Pool:
     def _under(self, part: Node, known: Mapping[Node, None]) -> Node:
         """What is left of a conjunct where the others hold."""
         if part.op == "or":
-            if any(arg in known or (arg.op == "and" and all(a in known for a in arg.args)) for arg in part.args):
+            if any(
+                arg in known or (arg.op == "and" and all(a in known for a in arg.args)) for arg in part.args
+            ):
                 return self.true
             kept = [arg for arg in part.args if self.not_(arg) not in known]
             return part if len(kept) == len(part.args) else self.or_(kept)
@@ -198,7 +210,9 @@ class Pool:
             return part if len(kept) == len(part.args[0].args) else self.not_(self.and_(kept))
         if part.op == "not" and part.args[0].op == "eq":
             left, right = part.args[0].args
-            if right.is_const and any(k.op == "eq" and k.args[0] is left and k.args[1].is_const for k in known):
+            if right.is_const and any(
+                k.op == "eq" and k.args[0] is left and k.args[1].is_const for k in known
+            ):
                 return self.true if self.make("eq", "bool", (left, right)) not in known else part
         return part
 
@@ -210,7 +224,10 @@ class Pool:
             return self.make("lt", "bool", (part.args[1], part.args[0])) in known
         if part.op == "eq" and part.args[1].is_const:
             return any(
-                other.op == "eq" and other is not part and other.args[0] is part.args[0] and other.args[1].is_const
+                other.op == "eq"
+                and other is not part
+                and other.args[0] is part.args[0]
+                and other.args[1].is_const
                 for other in known
             )
         return False
@@ -283,7 +300,9 @@ class Pool:
         if left is right:
             return self.true
         if left.is_const and right.is_const:
-            return self.const(left.data == right.data and math.copysign(1, left.data) == math.copysign(1, right.data))
+            return self.const(
+                left.data == right.data and math.copysign(1, left.data) == math.copysign(1, right.data)
+            )
         if any(node.is_const and node.data != 0.0 for node in (left, right)):
             return self.equal(left, right)
         if left.op == "select" or right.op == "select":
@@ -353,15 +372,22 @@ class Pool:
         return self._quantify("sum", value.kind, loop, self.and_(inner), value, bounds)
 
     def _quantify(
-        self, op: str, kind: Kind, loop: Node, cond: Node, value: Node | None = None, bounds: Interval = UNKNOWN
+        self,
+        op: str,
+        kind: Kind,
+        loop: Node,
+        cond: Node,
+        value: Node | None = None,
+        bounds: Interval = UNKNOWN,
     ) -> Node:
         if op == "any" and cond is self.false:
             return self.false
         if op == "count" and cond is self.false:
             return self.const(0)
-        values = () if value is None else (value,)
+        values: tuple[Node, ...] = () if value is None else (value,)
         outer = (cond.free.union(*(v.free for v in values)) | loop.args[0].free) - {loop}
-        own, rest = [], []
+        own: list[Node] = []
+        rest: list[Node] = []
         for part in conjuncts(cond):
             (own if part.free <= {loop} and not _holds_loop_inside(part, loop) else rest).append(part)
         rows = loop.args[0]
@@ -446,7 +472,7 @@ def conjuncts(node: Node) -> tuple[Node, ...]:
 
 
 def reach(roots: Iterable[Node], known: Container[Node] = ()) -> dict[Node, None]:
-    """Every node that the roots are made of, arguments first; not those that are known, nor what they are made of."""
+    """Every node that the roots are made of, arguments first; what is known is left out with its parts."""
     found: dict[Node, None] = {}
 
     def visit(node: Node) -> None:

@@ -55,8 +55,9 @@ class Answer:
 
     `undecided` holds in a scene that only the interpreter can answer; elsewhere `tree` emits the arguments of
     each solution. `found` says whether there is one. `terms` are the arguments of the first, None where no
-    expressions give them. `choices` are the values that the only argument can have, each with the condition that
-    it is a solution, None where they are not all known; `in_order` says that solutions come in that order.
+    expressions give them. `choices` are the values that the only argument can have, each with the condition
+    that it is a solution, None where they are not all known; `in_order` says that solutions come in that
+    order.
     """
 
     query: Query

@@ -1,8 +1,8 @@
 """Arithmetic on nodes: the kinds of numbers, where an operation is defined, how large a result can be.
 
-Every operation is total: where Prolog would raise an error its value means nothing, and the condition that it has a
-value is kept apart. The bounds of a result follow from those of the arguments, so most conditions are known to hold
-when a program is lowered.
+Every operation is total: where Prolog would raise an error its value means nothing, and the condition that it
+has a value is kept apart. The bounds of a result follow from those of the arguments, so most conditions are
+known to hold when a program is lowered.
 
 Source: ISO 13211-1, 9, as `drlsl.logic.arithmetic` reads it.
 """
@@ -15,7 +15,8 @@ from typing import Any, Final
 
 from drlsl.logic.lowering.ir import UNKNOWN, Interval, Kind, Node, Pool
 from drlsl.logic.lowering.schema import INT_BOUND
-from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.lowering.trees import Sym, resolve
+from drlsl.logic.terms import Atom, Struct, Var
 
 _LARGEST: Final = 1e300
 """No float result may be larger: further operations then stay clear of overflow for a while."""
@@ -63,7 +64,21 @@ def _total(function: Callable[..., float]) -> Callable[..., float]:
 FUNCTIONS: Final[dict[str, Callable[..., float]]] = {
     name: _total(getattr(math, name))
     for name in (
-        *("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh"),
+        *(
+            "exp",
+            "log",
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "asinh",
+            "acosh",
+        ),
         *("atanh", "pow"),
     )
 }
@@ -98,7 +113,13 @@ _FOLD: Final[dict[str, Callable[..., Any]]] = {
 
 _INT_DIVISIONS: Final = {"//": "truncdiv", "div": "floordiv", "mod": "mod", "rem": "rem"}
 _BIT_OPERATIONS: Final = {"/\\": "bitand", "\\/": "bitor", "xor": "bitxor"}
-_ROUNDINGS: Final = {"floor": "floor", "ceiling": "ceiling", "truncate": "truncate", "integer": "round", "round": "round"}
+_ROUNDINGS: Final = {
+    "floor": "floor",
+    "ceiling": "ceiling",
+    "truncate": "truncate",
+    "integer": "round",
+    "round": "round",
+}
 COMPARISONS: Final = frozenset({"<", ">", "=<", ">=", "=:=", "=\\="})
 
 
@@ -126,20 +147,18 @@ class Arithmetic:
         if cond is not self.pool.true:
             self.needed.append(cond)
 
-    def evaluate(self, term: Term | Node) -> Node:
+    def evaluate(self, term: Sym) -> Node:
         """The value of an expression.
 
         Raises:
             NoValue: it has none.
             NotCovered: only the interpreter can evaluate it.
         """
+        term = resolve(term)
         if isinstance(term, Node):
             if term.kind not in ("int", "float", "number"):
                 raise NoValue
-            return term
-        term = deref(term)
-        if isinstance(term, Node):  # a variable may stand for a node
-            return self.evaluate(term)
+            return self._distribute(self._within, term) or self._within(term)
         if isinstance(term, int | float):
             if isinstance(term, float) and not math.isfinite(term):
                 raise NotCovered(f"{term} is no number that generated code can hold")
@@ -152,7 +171,15 @@ class Arithmetic:
             raise NoValue
         if isinstance(term, Atom) and term.name in CONSTANTS:
             return self.pool.const(CONSTANTS[term.name])
-        if isinstance(term, Atom) and term.name in ("inf", "infinite", "nan", "random", "random_float", "cputime", "realtime"):
+        if isinstance(term, Atom) and term.name in (
+            "inf",
+            "infinite",
+            "nan",
+            "random",
+            "random_float",
+            "cputime",
+            "realtime",
+        ):
             raise NotCovered(f"generated code cannot evaluate {term.name}")
         if isinstance(term, Var | Atom | str):
             raise NoValue
@@ -164,7 +191,8 @@ class Arithmetic:
         """`function` on each side of an argument that is an integer in some scenes and a float in others."""
         for place, arg in enumerate(args):
             if arg.kind == "number":
-                return self._on_sides(arg, lambda side, at=place: function(*args[:at], side, *args[at + 1 :]))
+                before, after = args[:place], args[place + 1 :]
+                return self._on_sides(arg, lambda side: function(*before, side, *after))  # noqa: B023  (called at once)
         return None
 
     def _on_sides(self, number: Node, function: Callable[[Node], Node]) -> Node:
@@ -189,7 +217,9 @@ class Arithmetic:
             return node
         if node.op == "select" and node.kind == "int" and any(arg.is_const for arg in node.args[1:]):
             return self.pool.choose(node.args[0], *(self.to_float(arg) for arg in node.args[1:]))
-        return self._distribute(self.to_float, node) or self._make("tofloat", "float", (node,), (node.low, node.high))
+        return self._distribute(self.to_float, node) or self._make(
+            "tofloat", "float", (node,), (node.low, node.high)
+        )
 
     def _pair(self, left: Node, right: Node) -> tuple[Node, Node]:
         if left.kind == right.kind:
@@ -245,7 +275,9 @@ class Arithmetic:
         if name == "+":
             return arg
         if name == "-":
-            return arg.args[0] if arg.op == "neg" else self._make("neg", arg.kind, (arg,), (-arg.high, -arg.low))
+            return (
+                arg.args[0] if arg.op == "neg" else self._make("neg", arg.kind, (arg,), (-arg.high, -arg.low))
+            )
         if name == "abs":
             return self._absolute(arg)
         if name == "sign":
@@ -271,13 +303,18 @@ class Arithmetic:
         if arg.op in ("abs", "sqrt") or arg.low > 0:
             return arg
         low = 0.0 if arg.low <= 0 <= arg.high else min(abs(arg.low), abs(arg.high))
-        return self._make("abs", arg.kind, (_forward(self.pool, arg),), (low, max(abs(arg.low), abs(arg.high))))
+        return self._make(
+            "abs", arg.kind, (_forward(self.pool, arg),), (low, max(abs(arg.low), abs(arg.high)))
+        )
 
     def _ring(self, name: str, left: Node, right: Node) -> Node:
         kind = left.kind
         if name == "+":
             bounds = (left.low + right.low, left.high + right.high)
-            if kind == "int" and 0 in (left.data if left.is_const else 1, right.data if right.is_const else 1):
+            if kind == "int" and 0 in (
+                left.data if left.is_const else 1,
+                right.data if right.is_const else 1,
+            ):
                 return right if left.is_const and left.data == 0 else left
             return self._within(self._make("add", kind, (left, right), bounds))
         if name == "-":
@@ -297,7 +334,9 @@ class Arithmetic:
             # the product itself might wrap around: judge it as a float, where it is exact enough
             self._within(self._ring("*", self.to_float(left), self.to_float(right)), float(INT_BOUND // 2))
             most = float(INT_BOUND)
-            return self.pool.make("mul", "int", (left, right), None, (max(low, -most), min(max(corners), most)))
+            return self.pool.make(
+                "mul", "int", (left, right), None, (max(low, -most), min(max(corners), most))
+            )
         return self._within(self._make("mul", kind, (left, right), (low, max(corners))))
 
     def _divide(self, left: Node, right: Node) -> Node:
@@ -406,7 +445,7 @@ def _mod_bounds(right: Node) -> Interval:
 
 
 def _forward(pool: Pool, node: Node) -> Node:
-    """A difference turned round so that its later argument comes first; its square and magnitude stay the same."""
+    """A difference turned round so that its later argument comes first; the magnitude stays the same."""
     if node.op == "sub" and node.kind == "float":
         left, right = node.args
         if left.order < right.order:

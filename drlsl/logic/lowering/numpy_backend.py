@@ -21,14 +21,16 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 CHUNK: Final = 256
 """Scenes that are answered together: their arrays stay in the processor's cache."""
 
+_LARGE_BLOCK: Final = 1 << 24
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:
     """The rows of one relation in N scenes.
 
-    `columns` has an array for each column, or None for one that is not used: of shape (N, K), or (1, K) where all
-    scenes share them; for a single relation (N,) or (1,). `valid`, of the same shape, marks the rows that are
-    there; None where all are. Arrays in Fortran order are taken as they are. Atoms are integers, see
+    `columns` has an array for each column, or None for one that is not used: of shape (N, K), or (1, K) where
+    all scenes share them; for a single relation (N,) or (1,). `valid`, of the same shape, marks the rows that
+    are there; None where all are. Arrays in Fortran order are taken as they are. Atoms are integers, see
     `ArrayProgram.code`.
     """
 
@@ -40,9 +42,9 @@ class Rows:
 class ArrayAnswer:
     """The answers to one query in N scenes.
 
-    `value`: for `holds` (N,) bool; for `first` the argument (N,), or (N, n) for a list or for n arguments; for `set`
-    and `all` (N, n) bool, for each value of `ArrayProgram.choices` whether it is a solution. `fails` (N,): there is
-    no solution, and `value` means nothing.
+    `value`: for `holds` (N,) bool; for `first` the argument (N,), or (N, n) for a list or for n arguments;
+    for `set` and `all` (N, n) bool, for each value of `ArrayProgram.choices` whether it is a solution.
+    `fails` (N,): there is no solution, and `value` means nothing.
     """
 
     value: Array
@@ -80,14 +82,24 @@ class ArrayProgram:
         printer = ArrayPrinter(lowered)
         namespace: dict[str, Any] = {}
         exec(compile(printer.module(), "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
-        self._function: Callable[[Ops, Mapping[Any, _Table]], Iterable[tuple[Array, ...]]] = namespace["answer"]
+        self._function: Callable[[Ops, Mapping[Any, Table]], Iterable[tuple[Array, ...]]] = namespace[
+            "answer"
+        ]
         self._answers: Sequence[Answer] = lowered.answers
-        self._columns = {relation: tuple(sorted(used)) for relation, used in printer.columns.items()}
+        self._columns = {
+            (relation.name, relation.arity): (relation, tuple(sorted(used)))
+            for relation, used in printer.columns.items()
+        }
         self._shapes = printer.shapes
         self._dtype = dtype
+        # glibc learns from the first large block that is freed to keep freed memory; without that the arrays
+        # of each call cost a quarter of its time in page faults.
+        np.empty(_LARGE_BLOCK, dtype=np.uint8)
         self._codes = printer.codes
         self.choices: Final[Mapping[Query, tuple[str | int | float, ...]]] = {
-            answer.query: tuple(value.name if isinstance(value, Atom) else value for value, _ in answer.choices)
+            answer.query: tuple(
+                value.name if isinstance(value, Atom) else value for value, _ in answer.choices
+            )
             for answer in lowered.answers
             if answer.choices is not None
         }
@@ -100,35 +112,51 @@ class ArrayProgram:
         """The atom that an integer stands for."""
         return list(self._codes)[code]
 
-    def __call__(self, facts: Mapping[tuple[str, int], Rows]) -> ArrayResult:
+    def table(self, name: str, arity: int, rows: Rows) -> Table:
+        """The rows of a relation made ready, for facts that stay the same from call to call.
+
+        Raises:
+            ValueError: a column is missing, or of another shape.
+        """
+        relation, used = self._columns[name, arity]
+        return Table(relation, used, rows, self._dtype)
+
+    def __call__(self, facts: Mapping[tuple[str, int], Rows | Table]) -> ArrayResult:
         """The answers for the facts of N scenes.
 
         Raises:
             ValueError: a relation or a column is missing, or the shapes do not fit together.
         """
-        tables = {
-            (relation.name, relation.arity): _Table(relation, used, facts, self._dtype)
-            for relation, used in self._columns.items()
-        }
+        tables: dict[tuple[str, int], Table] = {}
+        for (name, arity), (relation, used) in self._columns.items():
+            given = facts.get((name, arity))
+            if given is None:
+                raise ValueError(f"no facts of {name}/{arity}")
+            tables[name, arity] = (
+                given if isinstance(given, Table) else Table(relation, used, given, self._dtype)
+            )
         scenes = max((table.scenes for table in tables.values()), default=1)
         for table in tables.values():
             if table.scenes not in (1, scenes):
-                raise ValueError(f"{table.relation.name}: {table.scenes} scenes where others have {scenes}")
+                raise ValueError(f"{table}: {table.scenes} scenes where others have {scenes}")
         if scenes <= CHUNK:
             return self._chunk(tables, scenes)
         chunks = [
             self._chunk(
-                {key: table.part(start, start + CHUNK) for key, table in tables.items()}, min(CHUNK, scenes - start)
+                {key: table.part(start, start + CHUNK) for key, table in tables.items()},
+                min(CHUNK, scenes - start),
             )
             for start in range(0, scenes, CHUNK)
         ]
         answers = tuple(
-            ArrayAnswer(np.concatenate([part.value for part in parts]), np.concatenate([part.fails for part in parts]))
+            ArrayAnswer(
+                np.concatenate([part.value for part in parts]), np.concatenate([part.fails for part in parts])
+            )
             for parts in zip(*(chunk.answers for chunk in chunks), strict=True)
         )
         return ArrayResult(answers, np.concatenate([chunk.undecided for chunk in chunks]))
 
-    def _chunk(self, tables: Mapping[Any, _Table], scenes: int) -> ArrayResult:
+    def _chunk(self, tables: Mapping[Any, Table], scenes: int) -> ArrayResult:
         with np.errstate(all="ignore"):  # an operation may go wrong in rows that no rule looks at
             results = iter(self._function(Ops(self._dtype, scenes), tables))
             undecided = np.zeros(scenes, dtype=np.bool_)
@@ -136,7 +164,8 @@ class ArrayProgram:
             for table in tables.values():
                 table.doubt(undecided)
             answers = tuple(
-                self._answer(answer, result, scenes) for answer, result in zip(self._answers, results, strict=True)
+                self._answer(answer, result, scenes)
+                for answer, result in zip(self._answers, results, strict=True)
             )
         return ArrayResult(answers, undecided)
 
@@ -153,7 +182,7 @@ class ArrayProgram:
         value = np.empty((len(result), scenes), dtype=np.bool_)
         for place, column in enumerate(result):
             value[place] = column
-        return ArrayAnswer(value.T, ~value.any(axis=0))
+        return ArrayAnswer(value.T, ~np.logical_or.reduce(value, axis=0))
 
 
 def _filled(mask: Array, scenes: int) -> Mask:
@@ -162,95 +191,100 @@ def _filled(mask: Array, scenes: int) -> Mask:
     return result
 
 
-class _Table:
-    """The columns of one relation that are read, with the rows along the first axis and the scenes along the last."""
+class Table:
+    """The columns of one relation that are read: rows along the first axis, scenes along the last."""
 
-    def __init__(
-        self, relation: Relation, used: Sequence[int], facts: Mapping[tuple[str, int], Rows], dtype: np.dtype[Any]
-    ) -> None:
-        self.relation = relation
-        name = f"{relation.name}/{relation.arity}"
-        given = facts.get((relation.name, relation.arity))
-        if given is None:
-            raise ValueError(f"no facts of {name}")
-        if len(given.columns) != relation.arity:
-            raise ValueError(f"{name}: {len(given.columns)} columns")
+    __slots__ = ("_columns", "_is_sound", "_relation", "scenes", "valid")
+
+    def __init__(self, relation: Relation, used: Sequence[int], rows: Rows, dtype: np.dtype[Any]) -> None:
+        self._relation = relation
+        if len(rows.columns) != relation.arity:
+            raise ValueError(f"{self}: {len(rows.columns)} columns")
         self._columns: dict[int, Array] = {}
         for place in used:
-            column = given.columns[place]
+            column = rows.columns[place]
             if column is None:
-                raise ValueError(f"the rules read column {place} of {name}, which is not given")
-            kind = dtype if relation.columns[place] == "float" else np.dtype(np.int64)
-            self._columns[place] = self._rows_first(column, kind)
-        valid = given.valid
-        if valid is not None:
-            self.valid: Mask = self._rows_first(valid, np.dtype(np.bool_))
-        else:
-            shape = next((np.shape(column) for column in given.columns if column is not None), (1, 0))
-            self.valid = np.ones(shape[::-1] if len(shape) == 2 else (1, *shape), dtype=np.bool_)
+                raise ValueError(f"the rules read column {place} of {self}, which is not given")
+            self._columns[place] = self._rows_first(
+                column, dtype if relation.columns[place] == "float" else _INTEGER
+            )
+        self.valid: Mask = self._valid(rows)
+        self.scenes: int = max(column.shape[-1] for column in (self.valid, *self._columns.values()))
         self._pad()
-        self.scenes: int = max([self.valid.shape[-1], *(column.shape[-1] for column in self._columns.values())])
-        self._sound = self._is_sound(given)
+        self._is_sound = self._looks_sound()
+
+    def __str__(self) -> str:
+        return f"{self._relation.name}/{self._relation.arity}"
 
     def _rows_first(self, column: Array, kind: np.dtype[Any]) -> Array:
-        if self.relation.single:
-            return np.ascontiguousarray(column, dtype=kind).reshape(1, -1)
+        if self._relation.single:
+            return np.asarray(column, dtype=kind).reshape(1, -1)
         if column.ndim != 2:
-            raise ValueError(f"{self.relation.name}/{self.relation.arity}: a column of shape {column.shape}, not (N, K)")
+            raise ValueError(f"{self}: a column of shape {column.shape}, expected (N, K)")
         return np.ascontiguousarray(column.T, dtype=kind)
+
+    def _valid(self, rows: Rows) -> Mask:
+        if rows.valid is not None:
+            return self._rows_first(rows.valid, np.dtype(np.bool_))
+        if self._relation.single:
+            return _ONE_ROW
+        height = next((column.shape[1] for column in rows.columns if column is not None), 0)
+        return np.ones((height, 1), dtype=np.bool_)
 
     def _pad(self) -> None:
         """Have at least one row to reduce over."""
-        least = 1 if self.relation.first is None else 2
-        missing = least - self.valid.shape[0]
+        missing = (1 if self._relation.first is None else 2) - self.valid.shape[0]
         if missing > 0:
             self.valid = _with_rows(self.valid, missing)
             self._columns = {place: _with_rows(column, missing) for place, column in self._columns.items()}
 
-    def _is_sound(self, given: Rows) -> bool:
+    def _looks_sound(self) -> bool:
         """Whether a quick look already shows that all is as the schema says."""
+        relation = self._relation
         for place, column in self._columns.items():
-            kind = self.relation.columns[place]
-            bound = {"float": FLOAT_BOUND, "int": INT_BOUND, "atom": INT_BOUND}[kind]
-            if not (-bound <= np.minimum.reduce(column, axis=None) and np.maximum.reduce(column, axis=None) <= bound):
+            bound = FLOAT_BOUND if relation.columns[place] == "float" else INT_BOUND
+            if not (
+                -bound <= np.minimum.reduce(column, axis=None)
+                and np.maximum.reduce(column, axis=None) <= bound
+            ):
                 return False  # too large, or not a number
-        key = self.relation.key
-        if key in self._columns and self.valid.shape[0] > 1:
-            keys = self._columns[key]
+        if relation.key in self._columns and self.valid.shape[0] > 1:
+            keys = self._columns[relation.key]
             if not (keys[1:] > keys[:-1]).all():
                 return False
-        if self.relation.single:
-            return given.valid is None or bool(self.valid.all())
-        return self.relation.first is None or bool(self.valid[0].all())
+        if relation.single or relation.first is not None:
+            return self.valid is _ONE_ROW or bool(self.valid[0].all())
+        return True
 
     def column(self, place: int) -> Array:
         """One column."""
         return self._columns[place]
 
-    def part(self, start: int, stop: int) -> _Table:
+    def part(self, start: int, stop: int) -> Table:
         """The table for some of the scenes."""
-        result = _Table.__new__(_Table)
-        result.relation = self.relation
+        result = Table.__new__(Table)
+        result._relation, result._is_sound = self._relation, self._is_sound
         result.valid = _scenes(self.valid, start, stop)
         result._columns = {place: _scenes(column, start, stop) for place, column in self._columns.items()}
-        result.scenes = max([result.valid.shape[-1], *(column.shape[-1] for column in result._columns.values())])
-        result._sound = self._sound
+        result.scenes = 1 if self.scenes == 1 else min(stop, self.scenes) - start
         return result
 
     def doubt(self, undecided: Mask) -> None:
         """Mark the scenes whose facts are not what the schema says."""
-        if self._sound:
+        if self._is_sound:
             return
-        bad: Mask = np.zeros_like(self.valid)
+        relation = self._relation
         for place, column in self._columns.items():
-            kind = self.relation.columns[place]
-            if kind != "atom":
-                bad = bad | ~(np.abs(column) <= (FLOAT_BOUND if kind == "float" else INT_BOUND))
-        undecided |= (bad & self.valid).any(axis=0)
-        if self.relation.single or self.relation.first is not None:
+            bound = FLOAT_BOUND if relation.columns[place] == "float" else INT_BOUND
+            undecided |= (~(np.abs(column) <= bound) & self.valid).any(axis=0)
+        if relation.single or relation.first is not None:
             undecided |= ~self.valid[0]
-        if self.relation.key in self._columns and self.relation.key is not None:
-            undecided |= _repeats(self._columns[self.relation.key], self.valid)
+        if relation.key in self._columns and relation.key is not None:
+            undecided |= _repeats(self._columns[relation.key], self.valid)
+
+
+_INTEGER: Final = np.dtype(np.int64)
+_ONE_ROW: Final[Mask] = np.ones((1, 1), dtype=np.bool_)
 
 
 def _with_rows(column: Array, missing: int) -> Array:
@@ -285,9 +319,10 @@ class Selected:
     __slots__ = ("_place", "_scene", "_shape")
 
     def __init__(self, place: Array, shape: tuple[int, ...]) -> None:
+        scenes = shape[1]
         self._place = place  # among all rows of all scenes
         self._shape = shape
-        self._scene = place % shape[1]
+        self._scene = place & (scenes - 1) if scenes & (scenes - 1) == 0 else place % scenes
 
     def gather(self, value: Array) -> Array:
         """The values of these rows."""
@@ -337,12 +372,14 @@ class Ops:
     absolute: Final = staticmethod(np.absolute)
     sqrt: Final = staticmethod(np.sqrt)
     sign: Final = staticmethod(np.sign)
+    choose: Final = staticmethod(np.where)
     floor_divide: Final = staticmethod(np.floor_divide)
     remainder: Final = staticmethod(np.remainder)
 
     def __init__(self, dtype: np.dtype[Any], scenes: int) -> None:
         self.dtype = dtype
         self.scenes = scenes
+        self._every_scene = np.arange(scenes)
 
     # reductions of rows: axis counts from the outermost loop
 
@@ -356,30 +393,36 @@ class Ops:
 
     def count(self, mask: Mask, axis: int) -> Array:
         """How many rows are marked."""
-        return np.count_nonzero(mask, axis=axis)
+        result: Array = np.count_nonzero(mask, axis=axis)
+        return result
 
     def first(self, mask: Mask, axis: int) -> Array:
         """The place of the first row that is marked."""
-        return mask.argmax(axis=axis)
+        result: Array = mask.argmax(axis=axis)
+        return result
 
     def least(self, mask: Mask, value: Array, axis: int) -> Array:
         """The least value of the rows that are marked."""
         if mask.ndim == 2 and mask.shape == value.shape and 8 * np.count_nonzero(mask) < mask.size:
             rows = self.select(mask)
             return rows.least(None, rows.gather(value))
-        return np.minimum.reduce(np.where(mask, value, _highest(value)), axis=axis)
+        result: Array = np.minimum.reduce(np.where(mask, value, _highest(value)), axis=axis)
+        return result
 
     def greatest(self, mask: Mask, value: Array, axis: int) -> Array:
         """The greatest value of the rows that are marked."""
-        return np.maximum.reduce(np.where(mask, value, -_highest(value)), axis=axis)
+        result: Array = np.maximum.reduce(np.where(mask, value, -_highest(value)), axis=axis)
+        return result
 
     def where_least(self, mask: Mask, value: Array, axis: int) -> Array:
         """The place of the first of the marked rows with the least value."""
-        return np.argmin(np.where(mask, value, _highest(value)), axis=axis)
+        result: Array = np.argmin(np.where(mask, value, _highest(value)), axis=axis)
+        return result
 
     def where_greatest(self, mask: Mask, value: Array, axis: int) -> Array:
         """The place of the first of the marked rows with the greatest value."""
-        return np.argmax(np.where(mask, value, -_highest(value)), axis=axis)
+        result: Array = np.argmax(np.where(mask, value, -_highest(value)), axis=axis)
+        return result
 
     def total(self, mask: Mask, value: Array, axis: int) -> Array:
         """The sum over the rows that are marked, in their order."""
@@ -406,7 +449,7 @@ class Ops:
 
     def take(self, column: Array, index: Array) -> Array:
         """The values of a column at places that differ by scene."""
-        result: Array = column[index, np.arange(column.shape[-1])]
+        result: Array = column[index, self._every_scene if column.shape[-1] == self.scenes else 0]
         return result
 
     def positions(self, valid: Mask, start: int) -> Array:
@@ -415,11 +458,10 @@ class Ops:
 
     # numbers
 
-    def choose(self, cond: Mask, then: Array, els: Array) -> Array:
-        """One or the other by scene and row."""
-        if isinstance(then, float) and isinstance(els, float):
-            then = self.dtype.type(then)
-        return np.where(cond, then, els)
+    def constants(self, cond: Mask, then: float, els: float) -> Array:
+        """One constant or the other by scene and row."""
+        result: Array = np.where(cond, self.dtype.type(then), self.dtype.type(els))
+        return result
 
     def same(self, left: Array, right: Array) -> Mask:
         """Floats that are the same term: 0.0 and -0.0 are not."""

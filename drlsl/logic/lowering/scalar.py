@@ -1,8 +1,8 @@
 """The back end for one scene: one Python function with loops over rows, its values computed once.
 
-Quantifiers over the same rows that do not depend on each other share one loop; within it their conditions share
-their tests. All values are total (see `numbers.py`), so a value that several places use may be computed before any
-of them.
+Quantifiers over the same rows that do not depend on each other share one loop; within it their conditions
+share their tests. All values are total (see `numbers.py`), so a value that several places use may be computed
+before any of them.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from drlsl.logic.lowering.lower import Answer, Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.lowering.support import SUPPORT, Facts, blank_row
-from drlsl.logic.lowering.trees import Bag, Branch, Each, Emit, Guard, Seq, Sym, Tree, children
-from drlsl.logic.terms import NIL, Atom, Struct, deref
+from drlsl.logic.lowering.trees import Bag, Branch, Each, Emit, Guard, Sym, Tree, children, resolve
+from drlsl.logic.terms import NIL, Atom, Struct
 
 Scalar: TypeAlias = Callable[[Facts], tuple[Any, ...]]
 
@@ -47,7 +47,9 @@ _CALLS: Final = {
     "same": "same",
 }
 _ATOMIC, _UNARY, _COMPARISON, _NOT, _AND, _OR, _CHOICE = 20, 13, 6, 5, 4, 3, 1
-_TWICE: Final = frozenset({"min", "max", "div", "floordiv", "mod", "sqrt", "isign"})  # their text names an argument twice
+_TWICE: Final = frozenset(
+    {"min", "max", "div", "floordiv", "mod", "sqrt", "isign"}
+)  # their text names an argument twice
 _TRIVIAL: Final = frozenset({"const", "col", "loop", "row", "facts", "others", "where"})
 
 
@@ -55,8 +57,8 @@ def compile_scalar(lowered: Lowered) -> Scalar:
     """The function that answers all queries for the facts of one scene.
 
     It takes the rows of every relation by name and arity, as given to `Engine.replace_facts`, and returns one
-    answer per query: for `holds` a bool; for `first` the argument, or a tuple of them, None without a solution; for
-    `all` a list of such. It raises `Undecided` where the interpreter has to be asked.
+    answer per query: for `holds` a bool; for `first` the argument, or a tuple of them, None without a
+    solution; for `all` a list of such. It raises `Undecided` where the interpreter has to be asked.
     """
     printer = _Printer(lowered)
     namespace = {**SUPPORT, **printer.constants}
@@ -197,8 +199,14 @@ class _Printer:
         for column in range(relation.arity):
             node = self.pool.make("col", relation.columns[column], (index,), (relation, column))
             if node in self.reached and not node.is_const:
-                field = relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
-                self.known[node] = self.names.new(f"{relation.first or ''}_{field}" if index.op == "row" else field)
+                field = (
+                    relation.fields[column]
+                    if relation.fields
+                    else self.pool.names.get(node, f"column_{column + 1}")
+                )
+                self.known[node] = self.names.new(
+                    f"{relation.first or ''}_{field}" if index.op == "row" else field
+                )
                 targets.append(self.known[node])
             else:
                 targets.append("_")
@@ -321,7 +329,11 @@ class _Printer:
         for cond, members in groups.items():
             test = cond
             rest = [_Item(item.conds[1:], item.values, item.act) for item in members]
-            while len({item.conds[:1] for item in rest}) == 1 and rest[0].conds and not _is_costly(rest[0].conds[0]):
+            while (
+                len({item.conds[:1] for item in rest}) == 1
+                and rest[0].conds
+                and not _is_costly(rest[0].conds[0])
+            ):
                 test = self.pool.and_([test, rest[0].conds[0]])
                 rest = [_Item(item.conds[1:], item.values, item.act) for item in rest]
             self._nested_quantifiers(cond)
@@ -436,7 +448,11 @@ class _Printer:
             return f"{self.text(then, _OR)} if {self.text(cond, _OR)} else {self.text(els, _CHOICE)}", _CHOICE
         first = self.text(args[0], _COMPARISON + 1)
         if node.op == "sqrt":
-            return (f"sqrt({first})", _ATOMIC) if args[0].low >= 0 else (f"sqrt({first}) if {first} >= 0.0 else nan", _CHOICE)
+            return (
+                (f"sqrt({first})", _ATOMIC)
+                if args[0].low >= 0
+                else (f"sqrt({first}) if {first} >= 0.0 else nan", _CHOICE)
+            )
         if node.op == "isign":
             return f"({first} > 0) - ({first} < 0)", 11
         second = self.text(args[1], _COMPARISON + 1)
@@ -451,7 +467,11 @@ class _Printer:
             return self.text(answer.found, _OR)
         if answer.query.mode == "first" and answer.terms is not None:
             value = self._terms(answer.terms)
-            return value if answer.found is self.pool.true else f"{value} if {self.text(answer.found, _OR)} else None"
+            return (
+                value
+                if answer.found is self.pool.true
+                else f"{value} if {self.text(answer.found, _OR)} else None"
+            )
         if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
             return self._chosen(answer)
         name = self._solutions(answer.tree, answer.query.name)
@@ -514,7 +534,7 @@ class _Printer:
 
     def _term(self, term: Sym) -> str:
         """A term as the engine would hand it out."""
-        term = deref(term)
+        term = resolve(term)
         if isinstance(term, Node):
             self._nested_quantifiers(term)
             return self.text(term, _OR)
@@ -533,14 +553,20 @@ class _Printer:
         rest: Sym = term
         while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
             items.append(rest.args[0])
-            rest = deref(rest.args[1])
+            rest = resolve(rest.args[1])
         if rest is NIL:
             return f"[{', '.join(map(self._term, items))}]"
         args = "".join(f"{self._term(arg)}, " for arg in term.args)
         return f"Compound({term.name!r}, ({args}))"
 
 
-_HINTS: Final = {"any": "found", "first": "chosen", "where": "chosen_rows", "min_of": "least", "max_of": "greatest"}
+_HINTS: Final = {
+    "any": "found",
+    "first": "chosen",
+    "where": "chosen_rows",
+    "min_of": "least",
+    "max_of": "greatest",
+}
 
 
 def _roots(answer: Answer) -> list[Node]:
@@ -555,7 +581,7 @@ def _roots(answer: Answer) -> list[Node]:
 
 
 def _nodes(term: Sym) -> Iterator[Node]:
-    term = deref(term)
+    term = resolve(term)
     if isinstance(term, Node):
         yield term
     elif isinstance(term, Struct):

@@ -24,8 +24,8 @@ class Relation:
 
     `columns` gives the kind of each argument. A `single` relation has exactly one row. In column `key` no two
     rows have the same value. `first` is the atom that the key of the first row always has; it needs `key`.
-    `capacity` is the number of rows that are expected at most; more rows are slower, never wrong. `fields` names
-    the columns in generated code.
+    `capacity` is the number of rows that are expected at most; more rows are slower, never wrong. `fields`
+    names the columns in generated code.
     """
 
     name: str

@@ -1,7 +1,8 @@
 """Which quantifiers compute their costly parts only for the rows that pass the cheap ones.
 
-A quantifier over a large relation is a mask and perhaps a value. Conditions that many quantifiers share are computed
-for all rows anyway. What is costly and belongs to few quantifiers is worth computing only where the shared ones hold.
+A quantifier over a large relation is a mask and perhaps a value. Conditions that many quantifiers share are
+computed for all rows anyway. What is costly and belongs to few quantifiers is worth computing only where the
+shared ones hold.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ _LEAVES: Final = frozenset({"col", "const", "loop", "valid"})
 class Sparse:
     """How to compute one quantifier.
 
-    `prefix`: the conditions for all rows. `heavy`: the costly conditions, then the value, for the rows that pass.
-    `private`: what these are made of, arguments first. `inputs`: what that is made of in turn.
+    `prefix`: the conditions for all rows. `heavy`: the costly conditions, then the value, for the rows that
+    pass. `private`: what these are made of, arguments first. `inputs`: what that is made of in turn.
     """
 
     prefix: tuple[Node, ...]
@@ -48,7 +49,11 @@ def plan_sparse(pool: Pool, roots: Iterable[Node]) -> dict[Node, Sparse]:
     dense: set[Node] = set()  # what is computed for all rows in any case
     for node in quantifiers:
         parts = mask_parts(pool, node)
-        firm = [part for part in parts if node not in candidates or shared[part] >= _SHARED_BY or part.op == "valid"]
+        firm = [
+            part
+            for part in parts
+            if node not in candidates or shared[part] >= _SHARED_BY or part.op == "valid"
+        ]
         for part in [*firm, *(node.args[2:] if node not in candidates else ())]:
             _add(part, dense)
     while True:
@@ -75,7 +80,8 @@ def _may_gain(node: Node) -> bool:
 
 def _plan(pool: Pool, node: Node, dense: set[Node]) -> Sparse | None:
     loop = node.args[0]
-    prefix, heavy = [], []
+    prefix: list[Node] = []
+    heavy: list[Node] = []
     for part in mask_parts(pool, node):
         (heavy if part not in dense and _cost(part, loop, dense) >= _COSTLY else prefix).append(part)
     values = node.args[2:]

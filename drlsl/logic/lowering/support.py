@@ -32,9 +32,9 @@ def checked_rows(facts: Facts, relation: Relation, used: Sequence[int]) -> Seque
         columns = list(zip(*rows, strict=True))
         if rows and len(columns) != relation.arity:
             raise Undecided(f"a row of {relation.name}/{relation.arity} has {len(columns)} values")
-        if not rows or all(_is_sound(columns[place], relation.columns[place]) for place in used):
-            if relation.key is None or len(rows) < 2 or len(set(columns[relation.key])) == len(rows):
-                return rows
+        unique = relation.key is None or len(rows) < 2 or len(set(columns[relation.key])) == len(rows)
+        if not rows or (unique and all(_is_sound(columns[place], relation.columns[place]) for place in used)):
+            return rows
     except (TypeError, ValueError) as error:
         raise Undecided(f"{relation.name}/{relation.arity}: {error}") from error
     raise Undecided(f"a row of {relation.name}/{relation.arity} is not what the schema says")
@@ -45,7 +45,7 @@ def _is_sound(column: Sequence[Any], kind: str) -> bool:
         return sum(map(_absolute, column)) <= FLOAT_BOUND
     if kind == "atom":
         return set(map(type, column)) == {str}
-    return set(map(type, column)) == {int} and -INT_BOUND <= min(column) and max(column) <= INT_BOUND
+    return set(map(type, column)) == {int} and min(column) >= -INT_BOUND and max(column) <= INT_BOUND
 
 
 def blank_row(relation: Relation) -> Row:

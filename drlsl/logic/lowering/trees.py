@@ -13,6 +13,11 @@ Sym: TypeAlias = Any
 """A term in which a node may stand for a constant that depends on the facts."""
 
 
+def resolve(term: Sym) -> Sym:
+    """The term that a chain of bound variables leads to."""
+    return deref(term)
+
+
 @dataclass(frozen=True, slots=True)
 class Fail:
     """No solution."""
@@ -143,7 +148,7 @@ def children(tree: Tree) -> tuple[Tree, ...]:
 def map_terms(function: Callable[[Sym], Sym], term: Sym) -> Sym:
     """`term` with `function` applied to the nodes, variables and constants in it."""
     if isinstance(term, Var):
-        term = deref(term)
+        term = resolve(term)
     if isinstance(term, Struct):
         return Struct(term.name, tuple(map_terms(function, arg) for arg in term.args))
     if isinstance(term, Bag):
@@ -277,7 +282,7 @@ class Folder:
 
     def merge(self, cond: Node, then: Sym, els: Sym) -> Sym:
         """The term that is `then` where `cond` holds, else `els`."""
-        then, els = deref(then), deref(els)
+        then, els = resolve(then), resolve(els)
         if then is els:
             return then
         if isinstance(then, Struct) and isinstance(els, Struct):
@@ -355,10 +360,12 @@ class Folder:
             return self.pool.const(left.data + right.data)
         if left.is_const and left.data == 0:
             return right
-        return self.pool.make("add", left.kind, (left, right), None, (left.low + right.low, left.high + right.high))
+        return self.pool.make(
+            "add", left.kind, (left, right), None, (left.low + right.low, left.high + right.high)
+        )
 
     def extreme(self, tree: Tree, least: bool) -> tuple[Node, Node, tuple[Sym, ...]]:
-        """Whether there is a solution, the least or greatest first term, and the rest of the first such solution."""
+        """Whether there is a solution, the least or greatest first term, and the other terms with it."""
         pool = self.pool
         if isinstance(tree, Emit):
             return pool.true, tree.terms[0], tree.terms[1:]

@@ -1,8 +1,8 @@
 """Runs a rule program on facts that are not known yet: each goal becomes a tree of its solutions.
 
-Clauses are tried as the interpreter would try them. What depends on facts becomes a node; a test of such a value
-becomes a guard in the tree; a call is replaced by the tree of the predicate that it calls. What the rules know
-already, such as a table of constants, leaves no trace in the result.
+Clauses are tried as the interpreter would try them. What depends on facts becomes a node; a test of such a
+value becomes a guard in the tree; a call is replaced by the tree of the predicate that it calls. What the
+rules know already, such as a table of constants, leaves no trace in the result.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, NoReturn
 
+from drlsl.logic.linking import builtin, library
 from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.ir import Node, Pool
 from drlsl.logic.lowering.numbers import Arithmetic, NotCovered, NoValue
@@ -38,11 +39,11 @@ from drlsl.logic.lowering.trees import (
     map_terms,
     rename_loop,
     require,
+    resolve,
     seq,
 )
-from drlsl.logic.linking import builtin, library
 from drlsl.logic.program import Clause, Predicate, Program
-from drlsl.logic.terms import Atom, Struct, Var, deref
+from drlsl.logic.terms import Atom, Struct, Var
 
 Continue = Callable[[], Tree]
 
@@ -87,8 +88,8 @@ class Unfolder:
     def refuse(self, reason: str) -> NoReturn:
         """Say that the clause at hand is for the interpreter."""
         clause = self._clauses[-1]
-        name = "%s/%d" % self._calls[-1] if self._calls else "the query"
-        raise NotLowerable(name, clause.span if clause is not None else None, reason)
+        name, arity = self._calls[-1] if self._calls else ("call", 1)
+        raise NotLowerable(f"{name}/{arity}", clause.span if clause is not None else None, reason)
 
     # ---------------------------------------------------------------- bindings
 
@@ -111,7 +112,7 @@ class Unfolder:
 
     def unify(self, left: Sym, right: Sym, conds: list[Node]) -> bool:
         """Make two terms equal where `conds`, which this extends, hold; False if they never are."""
-        left, right = deref(left), deref(right)
+        left, right = resolve(left), resolve(right)
         if left is right:
             return True
         if isinstance(left, Var):
@@ -123,7 +124,9 @@ class Unfolder:
         if isinstance(left, Struct) and isinstance(right, Struct):
             if left.name != right.name or len(left.args) != len(right.args):
                 return False
-            return all(self.unify(one, other, conds) for one, other in zip(left.args, right.args, strict=True))
+            return all(
+                self.unify(one, other, conds) for one, other in zip(left.args, right.args, strict=True)
+            )
         if isinstance(left, Bag) or isinstance(right, Bag):
             return self._unify_bag(left, right, conds)
         cond = self.same(left, right)
@@ -154,7 +157,7 @@ class Unfolder:
 
     def identical(self, left: Sym, right: Sym) -> Node:
         """Two terms are the same without any binding."""
-        left, right = deref(left), deref(right)
+        left, right = resolve(left), resolve(right)
         if left is right:
             return self.pool.true
         if isinstance(left, Struct) and isinstance(right, Struct):
@@ -201,15 +204,16 @@ class Unfolder:
         return Emit(tuple(map_terms(lambda part: part, term) for term in terms))
 
     def body(self, goals: list[Sym], then: Continue, rest: Continue) -> Tree:
-        """A clause's goals: what `then` yields for each solution, and after that `rest` unless a cut was passed."""
+        """What `then` yields for each solution of a clause's goals, then `rest` unless a cut was passed."""
         goals = [part for goal in goals for part in conjunction(goal)]
         place = next((n for n, goal in enumerate(goals) if has_cut(goal)), None)
         if place is None:
             return seq([self.conjunction(goals, then), rest()])
-        prefix, goal, tail = goals[:place], deref(goals[place]), goals[place + 1 :]
+        prefix, goal, tail = goals[:place], resolve(goals[place]), goals[place + 1 :]
         if is_atom(goal, "!"):
-            after = lambda: self.body(tail, then, lambda: FAIL)  # noqa: E731  (a continuation among others)
-            return self.committed(prefix, after, rest) if prefix else after()
+            if not prefix:
+                return self.body(tail, then, lambda: FAIL)
+            return self.committed(prefix, lambda: self.body(tail, then, lambda: FAIL), rest)
         if prefix:
             with self.undone():
                 if not self.fold.single(self.tree_of(prefix, variables_of(prefix))):
@@ -219,13 +223,15 @@ class Unfolder:
 
     def _control_with_cut(self, goal: Struct, tail: list[Sym], then: Continue, rest: Continue) -> Tree:
         """A disjunction or if-then-else that cuts the clause."""
-        left, right = (deref(arg) for arg in goal.args)
+        left, right = (resolve(arg) for arg in goal.args)
         if goal.name == "->":
             return self.committed([left], lambda: self.body([right, *tail], then, rest), rest)
         if isinstance(left, Struct) and left.name == "->" and len(left.args) == 2:
             cond, yes = left.args
             return self.committed(
-                [cond], lambda: self.body([yes, *tail], then, rest), lambda: self.body([right, *tail], then, rest)
+                [cond],
+                lambda: self.body([yes, *tail], then, rest),
+                lambda: self.body([right, *tail], then, rest),
             )
         if isinstance(left, Struct) and left.name == "*->" and len(left.args) == 2:
             self.refuse("a cut inside *->")
@@ -251,7 +257,9 @@ class Unfolder:
             return self._graft(tree, lambda terms: self._bound(variables, terms, then), els)
         undecided = self.fold.undecided(tree, whole=False)
         yes = self._bound(variables, terms, then) if found is not self.pool.false else FAIL
-        return require(self.pool.not_(undecided), branch(found, yes, els() if found is not self.pool.true else FAIL))
+        return require(
+            self.pool.not_(undecided), branch(found, yes, els() if found is not self.pool.true else FAIL)
+        )
 
     def _bound(self, variables: Sequence[Var], terms: Sequence[Sym], then: Continue) -> Tree:
         with self.undone():
@@ -278,14 +286,16 @@ class Unfolder:
             index = self.pool.first(tree.loop, found)
             undecided = self.pool.exists(tree.loop, self.fold.undecided(tree.body, whole=False))
             there = self._graft(rename_loop(self.pool, tree, index), then, els)
-            return require(self.pool.not_(undecided), branch(self.pool.exists(tree.loop, found), there, els()))
+            return require(
+                self.pool.not_(undecided), branch(self.pool.exists(tree.loop, found), there, els())
+            )
         return els()
 
     # ---------------------------------------------------------------- goals
 
     def solve(self, goal: Sym, then: Continue) -> Tree:
         """What `then` yields for each solution of a goal."""
-        goal = deref(goal)
+        goal = resolve(goal)
         if isinstance(goal, Var | int | float | str | Node | Bag):
             return require(self.pool.false, FAIL)
         name, args = (goal.name, goal.args) if isinstance(goal, Struct) else (goal.name, ())
@@ -312,7 +322,7 @@ class Unfolder:
 
     def facts(self, relation: Relation, args: Sequence[Sym], then: Continue) -> Tree:
         """The solutions of a fact relation, in the order of its rows."""
-        key = deref(args[relation.key]) if relation.key is not None else None
+        key = resolve(args[relation.key]) if relation.key is not None else None
         if relation.single:
             return self._row(relation, self.pool.row(relation), args, then)
         if relation.key is not None and not isinstance(key, Var):
@@ -347,7 +357,11 @@ class Unfolder:
         if value.op == "col":
             return value.args[0] if value.data == (relation, relation.key) else None
         if value.is_const:
-            return self.pool.row(relation) if relation.first == getattr(value.data, "name", None) is not None else None
+            return (
+                self.pool.row(relation)
+                if relation.first == getattr(value.data, "name", None) is not None
+                else None
+            )
         if value.op == "select":
             then, els = (self.index_of(relation, arg) for arg in value.args[1:])
             if then is not None and els is not None:
@@ -471,7 +485,7 @@ class Unfolder:
 
 def conjunction(goal: Sym) -> list[Sym]:
     """The goals of a conjunction, in order."""
-    goal = deref(goal)
+    goal = resolve(goal)
     if isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
         return [*conjunction(goal.args[0]), *conjunction(goal.args[1])]
     return [goal]
@@ -484,7 +498,7 @@ def is_atom(term: Sym, name: str) -> bool:
 
 def has_cut(goal: Sym) -> bool:
     """Whether a goal cuts the clause that it stands in."""
-    goal = deref(goal)
+    goal = resolve(goal)
     if isinstance(goal, Struct) and len(goal.args) == 2:
         if goal.name in (",", ";"):
             return any(map(has_cut, goal.args))
