@@ -102,13 +102,13 @@ def _answer(unfolder: Unfolder, query: Query) -> Answer:
     undecided = fold.undecided(tree, whole=query.mode in ("set", "all"))
     if query.arity == 0:
         unfolder.pool.name(found, query.name)
+    if query.mode != "holds" and any(variables_of(leaf.terms) for leaf in emitted(tree)):
+        raise NotLowerable(str(query), None, "its answer holds an unbound variable")
     if query.mode == "first":
         try:
             found, terms = fold.first(tree)
         except CannotMerge:
             return Answer(query, tree, found, undecided)
-        if variables_of(terms):
-            raise NotLowerable(str(query), None, "its answer holds an unbound variable")
         return Answer(query, tree, found, undecided, terms)
     if query.arity == 1 and query.mode in ("set", "all"):
         choices = _choices(unfolder, tree)

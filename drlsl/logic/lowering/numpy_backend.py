@@ -37,6 +37,12 @@ class Rows:
     columns: Sequence[Array | None]
     valid: Mask | None = None
 
+    @property
+    def scenes(self) -> int:
+        """N, or 1 where all scenes share the rows."""
+        arrays = [array for array in (*self.columns, self.valid) if array is not None]
+        return max((array.shape[0] for array in arrays), default=1)
+
 
 @dataclass(frozen=True, slots=True)
 class ArrayAnswer:
@@ -135,7 +141,7 @@ class ArrayProgram:
             tables[name, arity] = (
                 given if isinstance(given, Table) else Table(relation, used, given, self._dtype)
             )
-        scenes = max((table.scenes for table in tables.values()), default=1)
+        scenes = max((given.scenes for given in facts.values()), default=1)
         for table in tables.values():
             if table.scenes not in (1, scenes):
                 raise ValueError(f"{table}: {table.scenes} scenes where others have {scenes}")

@@ -399,7 +399,8 @@ class Unfolder:
             undecided = self.fold.undecided(tree, whole=False)
             if not args:
                 self.pool.name(found, predicate.name)
-            return require(self.pool.not_(undecided), guard(found, self.splice(Emit(terms), args, then)))
+            solved = FAIL if found is self.pool.false else self.splice(Emit(terms), args, then)
+            return require(self.pool.not_(undecided), guard(found, solved))
         return self.splice(tree, args, then)
 
     def _callee(self, predicate: Predicate, args: Sequence[Sym]) -> Tree:

@@ -1,0 +1,133 @@
+"""Both rule programs that ship: every predicate answers the same in all tiers."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from drlsl.driving.lowered import SCHEMA
+from drlsl.driving.scene import Facts, Scene, road_facts, scene_facts
+from drlsl.logic import Engine
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.lower import Query, lower
+from tests.lowering.tiers import Tiers
+from tests.scenes import scenes
+
+RULES = Path(__file__).parents[2] / "rules"
+PROGRAMS = ("highway.pl", "paper.pl")
+
+
+@cache
+def engine(program: str) -> Engine:
+    result = Engine()
+    result.consult(RULES / program)
+    return result
+
+
+def predicates(program: str) -> list[tuple[str, int]]:
+    """The predicates of a rule file that are no facts of a scene."""
+    defined = engine(program).program.predicates.items()
+    return [key for key, predicate in defined if key not in SCHEMA.relations and predicate.clauses]
+
+
+def queries(program: str) -> list[Query]:
+    """Questions of every kind about every predicate."""
+    return [
+        Query(name, arity, mode)
+        for name, arity in predicates(program)
+        for mode in (("holds",) if arity == 0 else ("first", "all"))
+    ]
+
+
+@cache
+def tiers(program: str, query: Query) -> Tiers | None:
+    try:
+        return Tiers(engine(program), SCHEMA, query)
+    except NotLowerable:
+        return None
+
+
+def facts(scene: Scene) -> Facts:
+    return {**road_facts(scene.road), **scene_facts(scene)}
+
+
+# asked with unbound arguments, their answers hold an unbound variable
+NOT_LOWERED = {
+    "highway.pl": {"nearest/3", "section_room/2", "side_objection/2"},
+    "paper.pl": {"room/2"},
+}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_every_predicate_can_be_lowered(program: str) -> None:
+    refused = {str(query) for query in queries(program) if tiers(program, query) is None}
+    assert refused == NOT_LOWERED[program]
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@settings(deadline=None, max_examples=10, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data())
+def test_every_predicate_answers_the_same_in_all_tiers(program: str, data: st.DataObject) -> None:
+    drawn = [facts(scene) for scene in data.draw(st.lists(scenes(), min_size=1, max_size=3))]
+    for query in queries(program):
+        both = tiers(program, query)
+        if both is not None:
+            both.check(drawn)
+
+
+DECISION = (
+    Query("safe_actions", 1, "set"),
+    Query("front_is_free", 0, "holds"),
+    Query("longitudinal_velocity", 1, "first"),
+    Query("state", 1, "first"),
+    Query("entry_is_safe", 0, "holds"),
+)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@given(scene=scenes())
+def test_what_driving_asks_is_decided_without_the_interpreter(program: str, scene: Scene) -> None:
+    for query in DECISION:
+        both = tiers(program, query)
+        assert both is not None
+        assert both.arrays is not None
+        assert both.check([facts(scene)]) == 1
+
+
+def changed(text: str, old: str, new: str) -> Engine:
+    assert old in text
+    result = Engine()
+    result.consult_text(text.replace(old, new))
+    return result
+
+
+def test_a_changed_rule_text_changes_both_tiers() -> None:
+    text = (RULES / "paper.pl").read_text(encoding="utf-8")
+    scene: dict[tuple[str, int], list[tuple[Any, ...]]] = {
+        ("vehicle", 8): [
+            ("ego", 1, 0.0, 2.0, 20.0, 0.0, 4.0, 2.0),
+            ("a", 2, -9.0, 5.5, 20.0, 0.0, 4.0, 2.0),
+        ],
+        ("road_lane", 5): [(1, "left_to_right", 2.0, 3.5, 30.0), (2, "left_to_right", 5.5, 3.5, 30.0)],
+        **{(name, 1): [(1.0,)] for (name, _), relation in SCHEMA.relations.items() if relation.single},
+        ("target_lane", 1): [(1,)],
+        ("radar_range", 1): [(50.0,)],
+    }
+    query = Query("safe_actions", 1, "all")
+    for distance, offered in (("6.15", True), ("12.0", False)):
+        tier = Tiers(changed(text, "critical_distance(6.15)", f"critical_distance({distance})"), SCHEMA, query)
+        assert tier.check([scene]) == 1
+        assert ("right_lane_change" in tier.scalar(scene)[0]) is offered
+
+
+def test_facts_that_the_schema_does_not_have_are_refused() -> None:
+    text = (RULES / "paper.pl").read_text(encoding="utf-8")
+    other = changed(text, "critical_distance(6.15).", ":- dynamic(critical_distance/1).")
+    with pytest.raises(NotLowerable, match="critical_distance/1 is dynamic"):
+        lower(other, SCHEMA, [Query("entry_is_safe", 0, "holds")])

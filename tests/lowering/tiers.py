@@ -1,0 +1,147 @@
+"""Asks all tiers the same questions about the same facts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drlsl.logic import Engine, PrologError
+from drlsl.logic.lowering.errors import NotLowerable, Undecided
+from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.numpy_backend import ArrayProgram, Rows, compile_numpy
+from drlsl.logic.lowering.scalar import compile_scalar
+from drlsl.logic.lowering.schema import Relation, Schema
+
+Facts = Mapping[tuple[str, int], Sequence[Sequence[Any]]]
+
+def ask(engine: Engine, query: Query, facts: Facts) -> Any:
+    """The interpreter's answer in the form of the scalar tier; an error as the exception."""
+    for (name, arity), rows in facts.items():
+        engine.replace_facts(name, arity, rows)
+    variables = [f"A{place}" for place in range(query.arity)]
+    goal = f"{query.name}({', '.join(variables)})" if variables else query.name
+    try:
+        if query.mode == "holds":
+            return engine.holds(goal)
+        if query.mode == "first":
+            solution = engine.once(goal)
+            return None if solution is None else _values(solution, variables)
+        solutions = [_values(solution, variables) for solution in engine.query(goal)]
+    except PrologError as error:
+        return error
+    return solutions if query.mode == "all" else _distinct(solutions)
+
+
+def _values(solution: Mapping[str, Any], variables: Sequence[str]) -> Any:
+    values = tuple(solution[variable] for variable in variables)
+    return values[0] if len(values) == 1 else values
+
+
+def _distinct(items: Sequence[Any]) -> list[Any]:
+    return [item for place, item in enumerate(items) if item not in items[:place]]
+
+
+def same(left: Any, right: Any) -> bool:
+    """Equal in value and in kind; a zero's sign does not count."""
+    if isinstance(left, float) and isinstance(right, float):
+        return left == right or (math.isnan(left) and math.isnan(right))
+    if isinstance(left, list | tuple) and isinstance(right, list | tuple):
+        return len(left) == len(right) and all(map(same, left, right))
+    return type(left) is type(right) and bool(left == right)
+
+
+def to_rows(program: ArrayProgram, schema: Schema, scenes: Sequence[Facts]) -> dict[tuple[str, int], Rows]:
+    """Scenes as arrays, each scene's rows padded with zeros."""
+    atoms = program.code
+    return {
+        key: _single(relation, [scene[key] for scene in scenes])
+        if relation.single
+        else _many(relation, [scene[key] for scene in scenes], atoms)
+        for key, relation in schema.relations.items()
+    }
+
+
+def _single(relation: Relation, rows: Sequence[Sequence[Sequence[Any]]]) -> Rows:
+    valid = np.array([len(row) == 1 for row in rows])
+    columns = [np.array([row[0][place] if row else 0 for row in rows]) for place in range(relation.arity)]
+    return Rows(columns, valid)
+
+
+def _many(relation: Relation, scenes: Sequence[Sequence[Sequence[Any]]], code: Any) -> Rows:
+    shape = (len(scenes), max(map(len, scenes)))
+    valid = np.zeros(shape, dtype=np.bool_)
+    columns = [np.zeros(shape, dtype=float if kind == "float" else np.int64) for kind in relation.columns]
+    for n, rows in enumerate(scenes):
+        valid[n, : len(rows)] = True
+        for k, row in enumerate(rows):
+            for column, value in zip(columns, row, strict=True):
+                column[n, k] = code(value) if isinstance(value, str) else value
+    return Rows(columns, valid)
+
+
+class Tiers:
+    """One query of a program in all tiers."""
+
+    def __init__(self, engine: Engine, schema: Schema, query: Query, *, arrays: bool = True) -> None:
+        self.engine = engine
+        self.schema = schema
+        self.query = query
+        lowered = lower(engine, schema, [query])
+        self.scalar = compile_scalar(lowered)
+        self.arrays: ArrayProgram | None = None
+        if arrays:
+            try:
+                self.arrays = compile_numpy(lowered)
+            except NotLowerable:
+                self.arrays = None
+
+    def check(self, scenes: Sequence[Facts]) -> int:
+        """Compare the tiers' answers; the number of scenes that generated code could answer."""
+        expected = [ask(self.engine, self.query, facts) for facts in scenes]
+        answered = 0
+        for facts, answer in zip(scenes, expected, strict=True):
+            try:
+                (given,) = self.scalar(facts)
+            except Undecided:
+                continue
+            answered += 1
+            assert same(answer, given), f"{self.query}: interpreter {answer!r}, scalar {given!r}, facts {facts!r}"
+        if self.arrays is not None:
+            self._check_arrays(scenes, expected)
+        return answered
+
+    def _check_arrays(self, scenes: Sequence[Facts], expected: Sequence[Any]) -> None:
+        assert self.arrays is not None
+        result = self.arrays(to_rows(self.arrays, self.schema, scenes))
+        (answer,) = result.answers
+        for n, (facts, wanted) in enumerate(zip(scenes, expected, strict=True)):
+            if result.undecided[n]:
+                continue
+            assert not isinstance(wanted, PrologError), f"{self.query}: {wanted!r} went unnoticed, facts {facts!r}"
+            given = self._array_value(answer.value[n], bool(answer.fails[n]))
+            loose = self._expected(wanted)
+            assert given == loose, f"{self.query}: interpreter {loose!r}, arrays {given!r}, facts {facts!r}"
+
+    def _array_value(self, value: Any, fails: bool) -> Any:
+        if self.query.mode == "holds":
+            return bool(value)
+        if self.query.mode == "first":
+            return None if fails else value.tolist()
+        assert self.arrays is not None
+        return sorted(
+            (item for item, there in zip(self.arrays.choices[self.query], value, strict=True) if there), key=repr
+        )
+
+    def _expected(self, value: Any) -> Any:
+        """The interpreter's answer in the form that arrays have: atoms as codes, no tuples."""
+        assert self.arrays is not None
+        if self.query.mode in ("set", "all"):
+            return sorted(_distinct(value), key=repr)
+        if isinstance(value, str):
+            return self.arrays.code(value)
+        if isinstance(value, tuple):
+            return [part for item in map(self._expected, value) for part in (item if isinstance(item, list) else [item])]
+        return [self._expected(item) for item in value] if isinstance(value, list) else value
