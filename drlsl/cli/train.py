@@ -100,7 +100,7 @@ def train(
     }
     given = _given_settings(settings or [], flags)
     if resume:
-        session = _resume(out, given, config or preset, force)
+        session = _resume(out, given, others=bool(force or config or preset or print_config))
     else:
         chosen = _effective_config(preset, config, given)
         if print_config:
@@ -153,17 +153,15 @@ def _start(out: Path | None, config: TrainConfig, force: bool) -> Session:
     return Session.start(root, config, force=force)
 
 
-def _resume(out: Path | None, given: Mapping[str, Any], source: object, force: bool) -> Session:
+def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool) -> Session:
     from drlsl.config import make_config, merged
     from drlsl.learning.rundir import RunFolder
     from drlsl.learning.session import Session
 
     if out is None:
         raise UserError("--resume: name the run to go on with by --out")
-    if force or source:
-        raise UserError(
-            "--resume goes on with the run's own settings: leave out --force, --config and --preset"
-        )
+    if others:
+        raise UserError("--resume takes its settings from the run: leave out --force, --config and the like")
     stored = RunFolder.open(out).config
     if make_config(merged(stored.model_dump(), given), "command line") != stored:
         raise UserError(f"--resume: a setting given here differs from {out}/config.yaml; leave it out")

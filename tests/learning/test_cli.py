@@ -70,6 +70,18 @@ def test_eval_prints_a_table_of_totals(capsys: pytest.CaptureFixture[str]) -> No
     assert kept["env"]["direction"] == "left_to_right"
 
 
+def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["train", *TINY, "--out", "run"]) == 0
+    out = capsys.readouterr().out
+    assert "4/4" in out
+    assert "left" in out
+    assert "episode 4/4  " not in out
+    assert "steps/s  return " in out
+    assert "contacts " in out
+
+
 def printed_config(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
     assert run(["train", "--print-config", *arguments]) == 0
     values: dict[str, object] = yaml.safe_load(capsys.readouterr().out)
@@ -78,7 +90,7 @@ def printed_config(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[
 
 def test_later_settings_win(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "my.yaml").write_text("episodes: 7\nseed: 7\nmethod: dqn\nthreads: 7\n")
-    assert printed_config(capsys)["episodes"] == 100
+    assert printed_config(capsys)["episodes"] == 60
     assert printed_config(capsys, "--preset", "paper")["episodes"] == 1_500
     found = printed_config(
         capsys,
@@ -121,6 +133,7 @@ def test_a_printed_config_prints_itself(tmp_path: Path, capsys: pytest.CaptureFi
         (["--resume"], "name the run to go on with by --out"),
         (["--resume", "--out", "nowhere"], "nowhere: no run here"),
         (["--resume", "--out", "x", "--force"], "leave out --force"),
+        (["--resume", "--out", "x", "--print-config"], "leave out --force"),
     ],
 )
 def test_bad_input_is_one_line(
