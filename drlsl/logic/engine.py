@@ -14,12 +14,14 @@ from drlsl.logic.builtins import registry
 from drlsl.logic.builtins.database import name_term
 from drlsl.logic.consult import Loader, LoadWarning
 from drlsl.logic.errors import ExistenceError, PrologError, existence_error
+from drlsl.logic.explanation import Explanation
 from drlsl.logic.flags import Flags
 from drlsl.logic.linking import Linker, library
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Predicate, Program
+from drlsl.logic.proof import MAX_DEPTH, explain
 from drlsl.logic.reader import read_term
-from drlsl.logic.solver import FAIL, FOUND, Limits, Machine, Task, enter
+from drlsl.logic.solver import FAIL, FOUND, Limits, Machine, Task, interpret
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import term_variables
 from drlsl.logic.values import Solution, Value, to_row, to_term, to_value
@@ -62,13 +64,19 @@ class Engine:
     """A Prolog engine of its own: clauses, operators, flags and global variables are shared with no other.
 
     Args:
+        compiled: run predicates that are called often as generated Python code; the answers are the same.
         flags: Prolog flags by name, such as ``{"iso": "false", "unknown": "fail"}``.
         output: where the program writes; standard output if None.
     """
 
     def __init__(
-        self, *, flags: Mapping[str, str | int] | None = None, output: TextIO | None = None
+        self,
+        *,
+        compiled: bool = True,
+        flags: Mapping[str, str | int] | None = None,
+        output: TextIO | None = None,
     ) -> None:
+        self.compiled = compiled
         self.linker = Linker()
         self.program = self.linker.program
         self.operators = Operators()
@@ -173,6 +181,22 @@ class Engine:
         """Whether a goal has a solution."""
         return self.prepare(goal).holds(limits)
 
+    def explain(self, goal: Goal, *, limits: Limits | None = None, max_depth: int = MAX_DEPTH) -> Explanation:
+        """Why a goal holds, or why it fails: its first proof, or for each clause tried the goal that failed.
+
+        Calls of the program's predicates more than `max_depth` inside one another are not expanded.
+
+        Raises:
+            PrologError: What the goal raised.
+            LimitExceeded: It went beyond the limits, or needs too many goals to explain.
+        """
+        if isinstance(goal, str):
+            read = read_term(goal, self.operators, self.flags, "query")
+            term, variables = read.term, read.variables
+        else:
+            term, variables = goal, {variable.name: variable for variable in term_variables(goal)}
+        return explain(self, term, variables, limits=limits or _UNLIMITED, max_depth=max_depth)
+
     def format(self, value: Value) -> str:
         """The text of a solution's value, with the engine's operators; it reads back as the same term."""
         return format_term(to_term(value), self.operators, quoted=True)
@@ -235,7 +259,7 @@ class Query:
         return Machine(self._engine, limits or _UNLIMITED), [Var(name) for name in self._names]
 
     def _task(self, machine: Machine, args: list[Var]) -> Task:
-        return enter(machine, self._predicate, args, FOUND)
+        return interpret(machine, self._predicate, args, FOUND)
 
     def _solution(self, args: list[Var]) -> Solution:
         # Of variables that are bound to each other, the first gives its name to all.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import threading
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final
 
 from drlsl.logic.body import CALL, CONTROL, DET, NONDET, Node
 from drlsl.logic.builtins import registry
+from drlsl.logic.compiler.tiers import cold_entry
 from drlsl.logic.dcg import translate_rule
 from drlsl.logic.flags import Flags
 from drlsl.logic.operators import Operators
@@ -41,7 +42,7 @@ class Library:
     def __init__(self) -> None:
         self.exports: dict[Indicator, Path] = {}
         self.modules: set[str] = set()
-        self.program = Program(self._link)
+        self.program = Program(self._link, partial(cold_entry, self))
         self._loaded: set[Path] = set()
         self._lock = threading.RLock()
         for path in sorted(_LIBRARY.glob("*.pl")):
@@ -83,10 +84,15 @@ class Library:
                 self.program.get(head.name, len(clause.args)).append(clause)  # type: ignore[union-attr]  # a head
             self._loaded.add(path)
 
-    def _link(self, node: Node, name: str, arity: int) -> None:
+    def resolve(self, name: str, arity: int) -> tuple[int, Any]:
+        """The kind of node and the target of a goal in a library clause: no program can change it."""
         predicate = self.find(name, arity) or self.program.find(name, arity)
-        found = None if predicate is not None else builtin(name, arity)
-        set_target(node, found or (CALL, predicate or self.program.get(name, arity)))
+        if predicate is not None:
+            return CALL, predicate
+        return builtin(name, arity) or (CALL, self.program.get(name, arity))
+
+    def _link(self, node: Node, name: str, arity: int) -> None:
+        set_target(node, self.resolve(name, arity))
 
 
 def set_target(node: Node, found: tuple[int, Any]) -> None:
@@ -108,7 +114,7 @@ class Linker:
     """Finds what goals stand for in one program."""
 
     def __init__(self) -> None:
-        self.program = Program(self.link)
+        self.program = Program(self.link, partial(cold_entry, self))
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:
         """The kind of node and the target of a goal: the program's own predicates hide all others."""
@@ -129,4 +135,4 @@ class Linker:
             if predicate.rows is None:
                 for clause in predicate.clauses:
                     clause.code = None
-            predicate.compiled = None
+            predicate.reset()

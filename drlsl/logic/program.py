@@ -78,10 +78,11 @@ class Predicate:
         "_others",
         "_row_index",
         "arity",
-        "compiled",
+        "calls",
         "defined",
         "discontiguous",
         "dynamic",
+        "entry",
         "multifile",
         "name",
         "program",
@@ -97,7 +98,8 @@ class Predicate:
         self.discontiguous = False
         self.multifile = False
         self.defined = False  # known to the program: it has or had clauses, or was declared
-        self.compiled: Any = None  # the compiled solver's entry point
+        self.calls = 0  # how often it was called before it was compiled
+        self.entry: Any = None  # the function that compiled code calls it by
         self._clauses: list[Clause] = []
         self.rows: list[Row] | None = None  # the facts as rows while the predicate was filled in bulk
         self._row_index: dict[Any, list[Row]] | None = None
@@ -105,12 +107,17 @@ class Predicate:
         self._others: list[Clause] = []
         self._dead = 0
         self.start = 0  # every clause before this place of `_clauses` is erased
+        self.reset()
 
     def __repr__(self) -> str:
         return f"Predicate({self.name}/{self.arity}, {len(self)} clauses)"
 
     def __len__(self) -> int:
         return len(self._clauses) - self._dead if self.rows is None else len(self.rows)
+
+    def reset(self) -> None:
+        """Forget the code that was made of the clauses."""
+        self.entry = self.program.make_entry(self)
 
     @property
     def indicator(self) -> Indicator:
@@ -182,7 +189,7 @@ class Predicate:
         clause.predicate = self
         clauses.append(clause)
         self.defined = True
-        self.compiled = None
+        self.reset()
         if self._index is not None:
             if self.arity:
                 _index_clause(self._index, self._others, clause)
@@ -196,7 +203,7 @@ class Predicate:
         self._clauses = [clause, *self.stored_clauses()[self.start :]]
         self.start = 0
         self.defined = True
-        self.compiled = None
+        self.reset()
 
     def replace(self, clauses: list[Clause]) -> None:
         """Take these clauses in place of whatever was there; iterations under way keep what they saw."""
@@ -206,7 +213,7 @@ class Predicate:
         self.start = 0
         self._clauses = clauses
         self.defined = True
-        self.compiled = None
+        self.reset()
         for clause in clauses:
             clause.predicate = self
 
@@ -219,7 +226,7 @@ class Predicate:
         self._dead = 0
         self.start = 0
         self.defined = True
-        self.compiled = None
+        self.reset()
 
     def erase(self, clause: Clause) -> bool:
         """Remove a clause; False when it was removed before."""
@@ -228,7 +235,7 @@ class Predicate:
         self.program.generation += 1
         clause.erased = self.program.generation
         self._dead += 1
-        self.compiled = None
+        self.reset()
         clauses = self._clauses
         start = self.start
         while start < len(clauses) and clauses[start].erased:
@@ -276,9 +283,12 @@ def _index_clause(index: dict[Any, list[Clause]], others: list[Clause], clause: 
 class Program:
     """The predicates of one engine by name and arity."""
 
-    __slots__ = ("generation", "link", "predicates")
+    __slots__ = ("generation", "link", "make_entry", "predicates")
 
-    def __init__(self, link: Callable[[Any, str, int], None]) -> None:
+    def __init__(
+        self, link: Callable[[Any, str, int], None], make_entry: Callable[[Predicate], Any]
+    ) -> None:
+        self.make_entry = make_entry  # the function that compiled code calls a predicate by at first
         self.link = link  # fills in the node of a goal that a clause of this program calls
         self.predicates: dict[Indicator, Predicate] = {}
         self.generation = 1

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import repeat
 from typing import TYPE_CHECKING, Any, Final, TextIO, TypeAlias
 
 from drlsl.logic.body import (
@@ -50,8 +51,11 @@ if TYPE_CHECKING:
 Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
-_SLICE: Final = 1_000
-_COMPACT_TRAIL: Final = 50_000
+_SLICE: Final = 500
+# How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round in one.
+_BOUNCES: Final = 250
+_ROUNDS: Final = 250
+_COMPACT_TRAIL: Final = 250
 
 
 class LimitExceeded(ResourceError):
@@ -84,6 +88,7 @@ class Machine:
         "_slice",
         "_trail_at",
         "choices",
+        "compiled",
         "engine",
         "flags",
         "found",
@@ -95,6 +100,7 @@ class Machine:
         "operators",
         "output",
         "program",
+        "rounds",
         "state",
         "trail",
     )
@@ -112,6 +118,7 @@ class Machine:
         self.link: Callable[[Node, str, int], None] = engine.linker.link
         self.trail: list[Any] = []
         self.choices: list[Choice] = [(exhausted, 0)]
+        self.compiled: bool = engine.compiled
         self.found = False
         self.limits = limits
         self.inferences = 0
@@ -120,6 +127,7 @@ class Machine:
         self._trail_at = _COMPACT_TRAIL
         self._slice = 0
         self.left = 0
+        self.rounds = _ROUNDS
         self._next_slice()
 
     # ------------------------------------------------------------------ what builtins ask
@@ -132,6 +140,11 @@ class Machine:
         """Have `undo_call` called when execution backtracks beyond this point."""
         self.trail.append(UndoCall(undo_call))
 
+    def undefined(self, predicate: Predicate, args: Sequence[Term], continuation: Task) -> Task:
+        """What a call of an unknown predicate comes to."""
+        task: Task = self.engine.undefined(self, predicate, args, continuation)
+        return task
+
     # ------------------------------------------------------------------ searching
 
     def solve(self, task: Task) -> bool:
@@ -141,16 +154,21 @@ class Machine:
             PrologError: An error that no catch/3 took, with its `goal` and `clause`.
             LimitExceeded: The query went beyond its limits.
         """
-        next_task: Task | None = task
         while True:
             try:
-                while next_task is not None:
-                    next_task = next_task[0](self, next_task)
+                while True:
+                    for _ in repeat(None, _BOUNCES):
+                        task = task[0](self, task)
+                    self.left -= _BOUNCES
+                    if self.left < 0:
+                        self.tick(task)
+            except Stop:
                 return self.found
             except PrologError as error:
-                next_task = self._handle(error)
+                add_context(error)
+                task = self._handle(error)
             except RecursionError:
-                next_task = self._handle(resource_error("recursion"))
+                task = self._handle(resource_error("recursion"))
             except MemoryError:
                 raise LimitExceeded(resource_error("memory").term) from None
 
@@ -253,26 +271,40 @@ def _depth(task: Task | None) -> int:
 # ---------------------------------------------------------------------- tasks and choice points
 
 
+class Stop(BaseException):
+    """The search has come to a solution or to its end."""
+
+
+_STOP: Final = Stop()
+
+
 def fail(machine: Machine, _task: Task | None = None) -> Task:
-    """Go back to the newest choice point."""
+    """Go back to the newest choice point, which is a task in its turn."""
     choice = machine.choices.pop()
-    undo(machine.trail, choice[1])
-    task: Task = choice[0](machine, choice)
-    return task
+    trail = machine.trail
+    mark = choice[1]
+    if len(trail) > mark:
+        if len(trail) == mark + 1:
+            trail.pop().ref = None
+        else:
+            undo(trail, mark)
+    return choice
 
 
 FAIL: Final[Task] = (fail,)
 
 
-def exhausted(machine: Machine, _choice: Choice) -> None:
+def exhausted(machine: Machine, _choice: Choice) -> Task:
     """The oldest choice point: there are no more solutions."""
     machine.found = False
     machine.choices.append((exhausted, 0))
+    raise _STOP.with_traceback(None)
 
 
-def found(machine: Machine, _task: Task) -> None:
+def found(machine: Machine, _task: Task) -> Task:
     """The last continuation: a solution."""
     machine.found = True
+    raise _STOP.with_traceback(None)
 
 
 FOUND: Final[Task] = (found, None)
@@ -400,14 +432,20 @@ def arguments(parts: tuple[Any, ...], frame: list[Any]) -> list[Any]:
 
 
 def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
-    """Call a predicate of the program with dereferenced arguments."""
+    """Call a predicate with dereferenced arguments, by its compiled code if the engine uses such."""
+    if machine.compiled:
+        return (predicate.entry, 0, None, *args, continuation)
+    return interpret(machine, predicate, args, continuation)
+
+
+def interpret(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
+    """Call a predicate with dereferenced arguments, clause by clause as it stands in the program."""
     first = args[0] if args else NIL
     if predicate.rows is not None:
         return try_rows(machine, predicate.candidate_rows(first), 0, args, continuation)
     candidates = predicate.candidates(first)
     if not candidates and not predicate.defined:
-        task: Task = machine.engine.undefined(machine, predicate, args, continuation)
-        return task
+        return machine.undefined(predicate, args, continuation)
     start = predicate.start if type(first) is Var else 0
     return try_clauses(
         machine, candidates, start, len(candidates), machine.program.generation, args, continuation
@@ -542,12 +580,12 @@ def match(pattern: Pattern, term: Term, frame: list[Any], trail: list[Any]) -> b
 # ---------------------------------------------------------------------- the loop
 
 
-def run(machine: Machine, task: Task) -> Task | None:
+def run(machine: Machine, task: Task) -> Task:
     """Run nodes until something that is not the plain solver's own comes next."""
     node: Node = task[1]
     frame: list[Any] = task[2]
     choices = machine.choices
-    following: Task | None
+    following: Task
     try:
         while True:
             op = node.op
@@ -590,10 +628,10 @@ def run(machine: Machine, task: Task) -> Task | None:
                     following = node.function(machine, args, continuation)
                 else:
                     following = start_generator(machine, node.function(machine, *args), continuation)
-            while following is FAIL:
-                following = fail(machine)
-            if following is None or following[0] is not run:
-                return following
+            while following[0] is not run:
+                if following[0] not in _LOCAL:
+                    return following
+                following = following[0](machine, following)
             node = following[1]
             frame = following[2]
     except PrologError as error:
@@ -618,6 +656,27 @@ def cut(machine: Machine, height: int) -> None:
             choice[2].close()
         elif function is leave_cleanup:
             clean_up(machine, choice[2])
+
+
+# What the loop calls by itself, since it comes back to the loop more often than not.
+_LOCAL: Final = frozenset(
+    {fail, other_branch, other_clauses, other_rows, retry_generator, leave_catch, exit_catch, dead}
+)
+
+
+def add_context(error: PrologError) -> None:
+    """Find the goal and the clause that an error of compiled code arose in, by the line of code."""
+    traceback = error.__traceback__
+    while traceback is not None and error.goal is None:
+        lines = traceback.tb_frame.f_globals.get("LINES")
+        about = lines and lines.get(traceback.tb_lineno)
+        if about:
+            goal, clause, names = about
+            known = traceback.tb_frame.f_locals
+            renaming = {variable: known[name] for variable, name in names.items() if name in known}
+            error.goal = copy_term(goal, renaming)
+            error.clause = _place(clause)
+        traceback = traceback.tb_next
 
 
 def soft_cut(choices: list[Choice], height: int) -> None:

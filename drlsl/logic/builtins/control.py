@@ -154,10 +154,17 @@ def _collect_all(
 ) -> Task:
     found: list[Term] = []
     machine.choices.append((_finish_findall, len(machine.trail), found, result, tail, continuation))
-    return invoke(machine, goal, (), (_collect, template, found, None))
+    return invoke(machine, goal, (), (collect, template, found, None))
 
 
-def _collect(_machine: Machine, task: Task) -> Task:
+def begin_findall(machine: Machine, found: list[Term], result: Term, continuation: Task) -> Task:
+    """The choice point of a findall/3 that goes on when its goal has no more solutions."""
+    check_partial_list(result)
+    return _finish_findall, len(machine.trail), found, result, None, continuation
+
+
+def collect(_machine: Machine, task: Task) -> Task:
+    """Keep a copy of a findall/3's template, and look for the next solution."""
     task[2].append(copy_term(task[1]))
     return FAIL
 

@@ -1,0 +1,254 @@
+"""Code for whole predicates: the switch on the first argument and the clauses behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from drlsl.logic.arithmetic import evaluate
+from drlsl.logic.builtins.control import begin_findall, collect
+from drlsl.logic.compiler.body import BodyEmitter, Place, has_cut
+from drlsl.logic.compiler.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
+from drlsl.logic.compiler.matching import emit_deref, emit_known, emit_match
+from drlsl.logic.compiler.writer import Module, Namespace, Scope
+from drlsl.logic.program import Clause, Predicate, index_key
+from drlsl.logic.solver import FAIL, cut, soft_cut, start_generator
+from drlsl.logic.terms import Atom, Struct, Var, deref
+from drlsl.logic.unify import undo, unify
+
+_RUNTIME: dict[str, Any] = {
+    "ATOMIC": frozenset({Atom, int, float, str}),
+    "Atom": Atom,
+    "CALLABLE": frozenset({Atom, Struct}),
+    "FAIL": FAIL,
+    "NUMBERS": frozenset({int, float}),
+    "Struct": Struct,
+    "UNFINISHED": UNFINISHED,
+    "Var": Var,
+    "begin_findall": begin_findall,
+    "collect": collect,
+    "cut": cut,
+    "evaluate": evaluate,
+    "soft_cut": soft_cut,
+    "start_generator": start_generator,
+    "undo": undo,
+    "unify": unify,
+}
+
+# So many constants as first arguments are compared one by one; more are looked up.
+_FEW = 4
+
+Alternatives = tuple[Any, ...]
+
+
+def compile_predicate(predicate: Predicate, linker: Any) -> Any:
+    """The entry point of a predicate's generated code.
+
+    Raises:
+        PrologError: A body is not callable; the plain solver will say so when it is reached.
+    """
+    return _PredicateCompiler(predicate, linker).compile()
+
+
+class _PredicateCompiler:
+    """Emits the entry function of one predicate."""
+
+    def __init__(self, predicate: Predicate, linker: Any) -> None:
+        self._clauses = list(predicate.clauses)
+        self._module = Module(f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME))
+        self._emitter = BodyEmitter(self._module, linker, (predicate.name, predicate.arity))
+        self._args = [f"a{index}" for index in range(predicate.arity)]
+        self._function = self._module.function("entry")
+        self._holes = open_positions(self._clauses, (predicate.name, predicate.arity))
+
+    def compile(self) -> Any:
+        """Emit and load the code."""
+        function = self._function
+        function.emit(f"{', '.join(['_, _, alts', *self._args, 'k'])} = t")
+        function.emit("trail = m.trail; choices = m.choices; rounds = m.rounds")
+        for position in self._holes:
+            function.emit(f"hole{position} = None")
+        function.emit("while True:")
+        function.indent += 1
+        if len(self._clauses) == 1:
+            self._only_clause(0, first_known=False)
+        else:
+            self._switch()
+            self._alternatives()
+        return self._module.load()["entry"]
+
+    def _alternatives(self) -> None:
+        """Try the clauses of a chain one after the other."""
+        function = self._function
+        for position in self._holes:
+            close_hole(function, position)
+        function.emit("mark = len(trail)")
+        if any(has_cut(clause.body) for clause in self._clauses):
+            function.emit("h = len(choices)")
+        function.emit("while alts:")
+        function.indent += 1
+        function.emit("i, alts = alts")
+        for number in range(len(self._clauses)):
+            function.emit(f"{'if' if number == 0 else 'elif'} i == {number}:")
+            function.indent += 1
+            self._clause_of_chain(number)
+            function.indent -= 1
+        function.indent -= 1
+        function.about(None, None, Scope())
+        function.emit("else: return FAIL")
+
+    # ------------------------------------------------------------------ the switch
+
+    def _switch(self) -> None:
+        """Choose the clauses that may match by the first argument, unless they are given."""
+        function = self._function
+        chains, others = _chains(self._clauses)
+        every = range(len(self._clauses))
+        if not chains:
+            function.emit(f"if alts is None: alts = {_linked(every)!r}")
+            return
+        structs = {key: chain for key, chain in chains.items() if type(key) is tuple and type(key[0]) is str}
+        rest = {key: chain for key, chain in chains.items() if key not in structs}
+        function.emit("if alts is None:")
+        function.indent += 1
+        emit_deref(function, "a0")
+        function.emit("kind = type(a0)")
+        function.emit("if kind is Struct:")
+        function.indent += 1
+        for (name, arity), chain in structs.items():
+            function.emit(f"if a0.name == {name!r} and len(a0.args) == {arity}:")
+            self._chosen(chain, first_known=True)
+        function.emit("if alts is None:")
+        self._chosen(others, first_known=False)
+        function.indent -= 1
+        function.emit(f"elif kind is Var: alts = {_linked(every)!r}")
+        self._switch_constants(rest, others)
+        function.indent -= 1
+
+    def _switch_constants(self, chains: dict[Any, list[int]], others: list[int]) -> None:
+        function = self._function
+        if len(chains) <= _FEW and all(type(key) is Atom or type(key) is int for key in chains):
+            for key, chain in chains.items():
+                constant = function.constant(key)
+                test = f"a0 is {constant}" if type(key) is Atom else f"a0 == {constant} and kind is int"
+                function.emit(f"elif {test}:")
+                self._chosen(chain, first_known=True)
+            function.emit("else:")
+            self._chosen(others, first_known=False)
+            return
+        table = {key: _linked(chain) for key, chain in chains.items()}
+        lookup = self._module.namespace.name("T", table)
+        function.emit("else:")
+        function.emit(" key = (kind, a0) if kind is float or kind is str else a0")
+        function.emit(f" alts = {lookup}.get(key, {_linked(others)!r})")
+
+    def _chosen(self, chain: list[int], *, first_known: bool) -> None:
+        """The code for a first argument that only these clauses match."""
+        function = self._function
+        function.indent += 1
+        if not chain:
+            function.emit("return FAIL")
+        elif len(chain) == 1:
+            self._only_clause(chain[0], first_known=first_known)
+        else:
+            function.emit(f"alts = {_linked(chain)!r}")
+        function.indent -= 1
+
+    # ------------------------------------------------------------------ clauses
+
+    def _only_clause(self, number: int, *, first_known: bool) -> None:
+        """A clause without alternatives: its failure is the call's."""
+        function, clause, args = self._function, self._clauses[number], self._args
+        height = Var("Height")
+        scope = Scope({height: "h"})
+        function.about(clause.head, clause, scope)
+        if has_cut(clause.body):
+            function.emit("h = len(choices)")
+
+        def fail() -> None:
+            function.emit("return FAIL")
+
+        def jump(parts: Sequence[str]) -> None:
+            parts = list(parts)
+            for position in self._holes:
+                if position in kept:
+                    parts[position] = args[position]
+            self._assign(parts)
+            function.emit("rounds -= 1")
+            function.emit("if rounds < 0:")
+            function.indent += 1
+            for position in self._holes:
+                close_hole(function, position)
+            function.emit(f"return ({', '.join(['entry, 0, None', *args, 'k'])})")
+            function.indent -= 1
+            function.emit("continue")
+
+        kept = {
+            position for position in self._holes if keeps_open(clause, position, self._emitter.key)
+        }
+        for position, (name, pattern) in enumerate(zip(args, clause.args, strict=True)):
+            if position in self._holes:
+                emit_hole(function, scope, clause, position, kept=position in kept, fail=fail)
+            elif position == 0 and first_known:
+                emit_known(function, scope, pattern, name, fail)
+            else:
+                emit_match(function, scope, pattern, name, fail)
+        place = Place(function, scope, fail, loop=jump)
+        self._emitter.emit_clause(place, clause, height)
+
+    def _clause_of_chain(self, number: int) -> None:
+        """A clause with others behind it."""
+        function, clause, args = self._function, self._clauses[number], self._args
+        height = Var("Height")
+        scope = Scope({height: "h"})
+        function.about(clause.head, clause, scope)
+
+        def next_clause() -> None:
+            function.emit("if len(trail) > mark: undo(trail, mark)")
+            function.emit("continue")
+
+        def leave_choice() -> None:
+            if number < len(self._clauses) - 1:
+                function.emit(f"if alts: choices.append(({', '.join(['entry, mark, alts', *args, 'k'])}))")
+
+        def jump(parts: Sequence[str]) -> None:
+            self._assign(parts)
+            function.emit("alts = None")
+            function.emit("rounds -= 1")
+            function.emit(f"if rounds < 0: return ({', '.join(['entry, 0, None', *args, 'k'])})")
+            function.emit("break")
+
+        for name, pattern in zip(args, clause.args, strict=True):
+            emit_match(function, scope, pattern, name, next_clause)
+        place = Place(function, scope, next_clause, pending=leave_choice, loop=jump)
+        self._emitter.emit_clause(place, clause, height)
+
+    def _assign(self, parts: Sequence[str]) -> None:
+        """Give the arguments their values for the next round, all at once."""
+        changed = [(arg, part) for arg, part in zip(self._args, parts, strict=True) if arg != part]
+        if changed:
+            left, right = ", ".join(arg for arg, _ in changed), ", ".join(part for _, part in changed)
+            self._function.emit(f"{left} = {right}")
+
+
+def _chains(clauses: Sequence[Clause]) -> tuple[dict[Any, list[int]], list[int]]:
+    """The clauses that may match each first argument that is named, and those for any other."""
+    chains: dict[Any, list[int]] = {}
+    others: list[int] = []
+    for number, clause in enumerate(clauses):
+        first = deref(clause.args[0]) if clause.args else Var()
+        if type(first) is Var:
+            for chain in chains.values():
+                chain.append(number)
+            others.append(number)
+        else:
+            chains.setdefault(index_key(first), list(others)).append(number)
+    return chains, others
+
+
+def _linked(numbers: Sequence[int]) -> Alternatives:
+    """The clauses to try as linked pairs: the first, and the chain of the others."""
+    chain: Alternatives = ()
+    for number in reversed(numbers):
+        chain = (number, chain)
+    return chain

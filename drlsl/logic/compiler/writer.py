@@ -1,0 +1,197 @@
+"""Lines of generated code, and what is known of a clause's variables at one place in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+
+# Deeper terms are built step by step, since Python limits how deep an expression nests.
+DEEPEST_EXPRESSION = 6
+
+
+class Namespace:
+    """The globals of generated code: constants, builtins and predicates under names of their own."""
+
+    def __init__(self, values: dict[str, Any]) -> None:
+        self.values = dict(values)
+        self._names: dict[tuple[str, Any], str] = {}
+
+    def name(self, prefix: str, value: Any) -> str:
+        """The name under which the code finds a value; one name for one object."""
+        key = (prefix, id(value))
+        known = self._names.get(key)
+        if known is None:
+            known = self._names[key] = f"{prefix}{len(self._names)}"
+            self.values[known] = value
+        return known
+
+
+class Scope:
+    """Which variables of a clause are Python locals by now, under which names, and which of them are numbers.
+
+    `names` maps a variable to the local that holds its term. `numbers` maps a variable to the local that holds the
+    value of its term as an expression; `integers` has the names of locals that are sure to be integers.
+    """
+
+    def __init__(
+        self,
+        names: dict[Var, str] | None = None,
+        numbers: dict[Var, str] | None = None,
+        integers: Iterable[str] = (),
+    ) -> None:
+        self.names = dict(names or {})
+        self.numbers = dict(numbers or {})
+        self.integers = set(integers)
+
+    def copy(self) -> Scope:
+        """The same knowledge, to go on from independently."""
+        return Scope(self.names, self.numbers, self.integers)
+
+
+class Function:
+    """One function under construction."""
+
+    def __init__(self, name: str, module: Module) -> None:
+        self.name = name
+        self.module = module
+        self.lines: list[tuple[str, Any]] = []
+        self.indent = 1
+        self._info: Any = None
+
+    def emit(self, text: str) -> None:
+        """Add a line at the current indentation."""
+        self.lines.append((" " * self.indent + text, self._info))
+
+    def about(self, goal: Term | None, clause: Any, scope: Scope) -> None:
+        """What the lines from here on are for: errors raised there are errors of this goal."""
+        self._info = None if goal is None else (goal, clause, dict(scope.names))
+
+    def local(self, prefix: str = "x") -> str:
+        """A new name for a local."""
+        return self.module.fresh(prefix)
+
+    def constant(self, term: Term) -> str:
+        """An expression for an atomic term or a ground one."""
+        if type(term) is int and abs(term) < 1 << 30:
+            return str(term) if term >= 0 else f"({term})"
+        if type(term) is str:
+            return repr(term)
+        return self.module.namespace.name("C", term)
+
+
+class Module:
+    """The functions of one predicate, on their way to being compiled by Python."""
+
+    def __init__(self, title: str, namespace: Namespace) -> None:
+        self.title = title
+        self.namespace = namespace
+        self.functions: list[Function] = []
+        self._counter = 0
+
+    def fresh(self, prefix: str) -> str:
+        """A name that nothing else in the module has."""
+        self._counter += 1
+        return f"{prefix}{self._counter}"
+
+    def function(self, name: str | None = None) -> Function:
+        """A new function ``name(m, t)`` of a machine and a task."""
+        function = Function(name or self.fresh("f"), self)
+        self.functions.append(function)
+        return function
+
+    def load(self) -> dict[str, Any]:
+        """Have Python compile the functions; returns their globals, with ``LINES`` for `error_context`."""
+        text: list[str] = []
+        info: dict[int, Any] = {}
+        for function in self.functions:
+            text.append(f"def {function.name}(m, t):")
+            for line, about in function.lines:
+                text.append(line)
+                if about is not None:
+                    info[len(text)] = about
+        values = self.namespace.values
+        values["LINES"] = info
+        exec(compile("\n".join(text), f"<prolog {self.title}>", "exec"), values)  # noqa: S102  (our own code)
+        return values
+
+
+
+def ensure(function: Function, scope: Scope, variables: Iterable[Var]) -> None:
+    """Make locals of variables that have none yet: fresh, unbound variables."""
+    for variable in variables:
+        if variable not in scope.names:
+            name = scope.names[variable] = function.local("v")
+            function.emit(f"{name} = Var()")
+
+
+def build(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
+    """An expression for a term, after the lines that make its new variables."""
+    term = deref(term)
+    if type(term) is Var:
+        ensure(function, scope, (term,))
+        return scope.names[term]
+    if type(term) is not Struct:
+        return function.constant(term)
+    if _is_ground(term):
+        return function.constant(term)
+    if term.name == "." and len(term.args) == 2:
+        return _build_list(function, scope, term, depth)
+    parts = [build(function, scope, arg, depth + 1) for arg in term.args]
+    expression = f"Struct({term.name!r}, ({', '.join(parts)},))"
+    return _shortened(function, expression, depth)
+
+
+def _build_list(function: Function, scope: Scope, term: Term, depth: int) -> str:
+    items: list[str] = []
+    while type(term) is Struct and term.name == "." and len(term.args) == 2 and not _is_ground(term):
+        items.append(build(function, scope, term.args[0], depth + 1))
+        term = deref(term.args[1])
+    expression = build(function, scope, term, depth + 1)
+    for count, item in enumerate(reversed(items)):
+        if count and count % DEEPEST_EXPRESSION == 0:
+            name = function.local()
+            function.emit(f"{name} = {expression}")
+            expression = name
+        expression = f'Struct(".", ({item}, {expression}))'
+    return _shortened(function, expression, depth)
+
+
+def _shortened(function: Function, expression: str, depth: int) -> str:
+    if depth < DEEPEST_EXPRESSION:
+        return expression
+    name = function.local()
+    function.emit(f"{name} = {expression}")
+    return name
+
+
+def _is_ground(term: Term) -> bool:
+    todo = [term]
+    while todo:
+        term = deref(todo.pop())
+        if type(term) is Var:
+            return False
+        if type(term) is Struct:
+            todo.extend(term.args)
+    return True
+
+
+def depth_of(term: Term) -> int:
+    """How deep a term nests, a list counting by its elements."""
+    deepest = 0
+    todo = [(term, 1)]
+    while todo:
+        term, depth = todo.pop()
+        term = deref(term)
+        deepest = max(deepest, depth)
+        if type(term) is Struct:
+            todo.extend((arg, depth + 1) for arg in term.args[:-1])
+            is_cell = term.name == "." and len(term.args) == 2
+            todo.append((term.args[-1], depth if is_cell else depth + 1))
+    return deepest
+
+
+def is_atom(term: Term, name: str) -> bool:
+    """Whether a dereferenced term is the atom of that name."""
+    return type(term) is Atom and term.name == name
