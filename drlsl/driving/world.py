@@ -16,7 +16,7 @@ from drlsl.driving.control import LaneController, SpeedController, move, move_fo
 from drlsl.driving.entry import Entry, find_entry
 from drlsl.driving.fault import Track, Verdict, judge
 from drlsl.driving.limits import CENTRE_TOLERANCE
-from drlsl.driving.playback import Playback
+from drlsl.driving.playback import NUMBERS, Playback, Playbacks, Traffic, road_of
 from drlsl.driving.reward import reward_terms
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
@@ -137,23 +137,21 @@ class World:
         """
         self.config = config
         self.shield = shield
-        self.playbacks = tuple(
-            Playback.of(recording, direction, radar_range=config.radar_range)
+        playbacks = [
+            Playback.of(recording, direction, road)
             for recording in recordings
+            for road in [road_of(recording, config.radar_range)]
             for direction in recording.directions
             if config.direction in ("both", direction.value)
-        )
-        if not self.playbacks:
+        ]
+        if not playbacks:
             names = ", ".join(recording.name for recording in recordings)
             raise UserError(f"no lane runs {config.direction} in {names}; choose the other direction or both")
+        self.playbacks = Playbacks(playbacks)
         self.count = count
         self._size = (config.ego_length, config.ego_width)
-        self._roads = tuple(playback.road for playback in self.playbacks)
-        self._dts = np.array([road.time_step for road in self._roads])
-        self._signs = np.array([playback.sign for playback in self.playbacks])
-        self._ends = np.array([playback.frames for playback in self.playbacks])
         self._egos = _Egos.new(count)
-        self._past = _Past.new(count, round(MEMORY / float(self._dts.min())))
+        self._past = _Past.new(count, round(MEMORY / float(self.playbacks.dt.min())))
         self._speed_control = SpeedController.for_egos(count)
         self._lane_control = LaneController.for_egos(count)
         self._rngs = [np.random.default_rng() for _ in range(count)]
@@ -179,7 +177,7 @@ class World:
 
     def playback_of(self, ego: int) -> Playback:
         """The playback that an ego drives in."""
-        return self.playbacks[int(self._egos.playback[ego])]
+        return self.playbacks.all[int(self._egos.playback[ego])]
 
     def frame_of(self, ego: int) -> int:
         """The recorded frame that an ego is in."""
@@ -194,12 +192,12 @@ class World:
         for ego, rng in zip(egos, rngs, strict=True):
             self._rngs[ego] = rng
             self._ended[ego] = False
-            self._egos.playback[ego] = rng.integers(len(self.playbacks))
+            self._egos.playback[ego] = rng.integers(len(self.playbacks.all))
             playback = self.playback_of(ego)
             self._egos.distance[ego] = 0.0
             frame = int(rng.integers(playback.frames))
             self._place(ego, find_entry(playback, self.shield, rng, frame=frame, size=self._size))
-        return self._look()
+        return self._look(self._traffic())
 
     def step(self, actions: npt.NDArray[np.integer]) -> StepResult:
         """Drive one step with `actions` of shape (N,), each an `Action`.
@@ -216,9 +214,10 @@ class World:
         self._drive(self._decisions)
         self._egos.distance += np.abs(self._egos.x - before)
         self._past.write(self._egos)
-        over = self._egos.frame >= self._ends[self._egos.playback]
-        contacts = self._contacts(~over & ~self._ended)
-        off_road = self._off_road()
+        over = self._egos.frame >= self.playbacks.frames[self._egos.playback]
+        traffic = self._traffic()
+        contacts = self._contacts(traffic, ~over & ~self._ended)
+        off_road = self.playbacks.off_road(self._egos.playback, self._egos.y, self._size[1])
         touched = np.zeros(self.count, dtype=np.bool_)
         touched[list(contacts)] = True
         terminated = touched | off_road
@@ -233,7 +232,7 @@ class World:
             off_road=off_road,
             progress=self._egos.distance / self.config.track_length,
         )
-        scenes, decisions = self._look()
+        scenes, decisions = self._look(self._traffic() if entered.any() else traffic)
         return StepResult(
             scenes=scenes,
             decisions=decisions,
@@ -292,21 +291,22 @@ class World:
     def _drive(self, decisions: Decisions) -> None:
         """Run the controllers and move the egos and the recording on by one frame."""
         egos = self._egos
-        dt = self._dts[egos.playback]
+        dt = self.playbacks.dt[egos.playback]
         ax = self._speed_control.acceleration(egos.speed, decisions.target_speed, dt)
         ay = self._lane_control.acceleration(egos.y, egos.vy, egos.target_y, dt)
         along, egos.speed = move_forward(np.zeros(self.count), egos.speed, ax, dt)
-        egos.x = egos.x + self._signs[egos.playback] * along
+        egos.x = egos.x + self.playbacks.sign[egos.playback] * along
         egos.y, egos.vy = move(egos.y, egos.vy, ay, dt)
         egos.frame = egos.frame + 1
 
-    def _contacts(self, playing: Mask) -> dict[int, Contact]:
-        """The contacts of the egos whose recording goes on; of several of one ego, one at fault first."""
-        frames = np.minimum(self._egos.frame, self._ends[self._egos.playback] - 1)
-        numbers, *_, valid = self._traffic(frames)
-        x, y, _, _, length, width = numbers
+    def _traffic(self) -> Traffic:
+        return self.playbacks.traffic(self._egos.playback, self._egos.frame)
+
+    def _contacts(self, traffic: Traffic, playing: Mask) -> dict[int, Contact]:
+        """The contacts of the egos that `playing` marks; of several of one ego, one at fault first."""
+        x, y, _, _, length, width = traffic.numbers
         egos = self._egos
-        near = (np.abs(x - egos.x[:, None]) < (length + self._size[0]) / 2) & valid & playing[:, None]
+        near = (np.abs(x - egos.x[:, None]) < (length + self._size[0]) / 2) & traffic.valid & playing[:, None]
         touching = near & (np.abs(y - egos.y[:, None]) < (width + self._size[1]) / 2)
         contacts: dict[int, Contact] = {}
         for ego in np.flatnonzero(touching.any(axis=1)).tolist():
@@ -328,21 +328,14 @@ class World:
         )
         return Contact(int(playback.vehicle[frame, slot]), verdict)
 
-    def _off_road(self) -> Mask:
-        """Whether any part of the ego is beyond the lanes of its direction, shape (N,)."""
-        low = np.array([min(lane.centre - lane.width / 2 for lane in p.lanes) for p in self.playbacks])
-        high = np.array([max(lane.centre + lane.width / 2 for lane in p.lanes) for p in self.playbacks])
-        y, half, chosen = self._egos.y, self._size[1] / 2, self._egos.playback
-        return np.asarray((y - half < low[chosen]) | (y + half > high[chosen]))
-
     def _reenter(self, over: Mask) -> Mask:
         """Place anew the egos that drive on but have reached the end of the stretch or of the recording."""
         entered = np.zeros(self.count, dtype=np.bool_)
-        for ego in np.flatnonzero(~self._ended).tolist():
+        egos = self._egos
+        driven = self.playbacks.along(egos.playback, egos.x) + self.config.ego_length / 2
+        gone = over | (driven >= self.playbacks.length[egos.playback])
+        for ego in np.flatnonzero(gone & ~self._ended).tolist():
             playback = self.playback_of(ego)
-            left = playback.length - playback.along(float(self._egos.x[ego])) - self.config.ego_length / 2
-            if left > 0 and not over[ego]:
-                continue
             lane = playback.road.lane(int(self._egos.target_lane[ego]))
             frame = self.frame_of(ego) % playback.frames
             entry = find_entry(
@@ -352,48 +345,24 @@ class World:
             entered[ego] = True
         return entered
 
-    def _traffic(self, frames: Integers) -> tuple[Floats, Integers, Integers, Mask]:
-        """The recorded vehicles around every ego: numbers (6, N, K), ids, lane ids and validity (N, K)."""
-        egos = self._egos
-        if len(self.playbacks) == 1:
-            only = self.playbacks[0]
-            return only.numbers[:, frames], only.vehicle[frames], only.lane[frames], only.valid[frames]
-        slots = max(playback.valid.shape[1] for playback in self.playbacks)
-        numbers = np.zeros((6, self.count, slots))
-        vehicle, lane = np.zeros((2, self.count, slots), dtype=np.int64)
-        valid = np.zeros((self.count, slots), dtype=np.bool_)
-        for index, playback in enumerate(self.playbacks):
-            here = np.flatnonzero(egos.playback == index)
-            width = playback.valid.shape[1]
-            numbers[:, here, :width] = playback.numbers[:, frames[here]]
-            vehicle[here, :width] = playback.vehicle[frames[here]]
-            lane[here, :width] = playback.lane[frames[here]]
-            valid[here, :width] = playback.valid[frames[here]]
-        return numbers, vehicle, lane, valid
-
-    def _look(self) -> tuple[SceneBatch, Decisions]:
+    def _look(self, traffic: Traffic) -> tuple[SceneBatch, Decisions]:
         """The scenes around the egos and what the rules say about them."""
         egos = self._egos
-        frames = np.minimum(egos.frame, self._ends[egos.playback] - 1)
-        numbers, vehicle, lane, valid = self._traffic(frames)
-        signs = self._signs[egos.playback]
-        own = (
-            egos.x,
-            egos.y,
-            signs * egos.speed,
-            egos.vy,
-            *(np.full(self.count, size) for size in self._size),
-        )
-        everything = np.concatenate((np.stack(own)[:, :, None], numbers), axis=2)
-        x, y, vx, vy, length, width = everything
+        numbers = np.empty((len(NUMBERS), self.count, traffic.valid.shape[1] + 1))
+        numbers[:, :, 1:] = traffic.numbers
+        own = (egos.x, egos.y, self.playbacks.sign[egos.playback] * egos.speed, egos.vy, *self._size)
+        for column, value in zip(numbers, own, strict=True):
+            column[:, 0] = value
+        x, y, vx, vy, length, width = numbers
         reach = np.hypot(x - x[:, :1], y - y[:, :1]) <= self.config.radar_range
-        reach[:, 1:] &= valid
+        reach[:, 1:] &= traffic.valid
+        own_lane = self.playbacks.lane_at(egos.playback, egos.y)
         scenes = SceneBatch(
-            roads=self._roads,
-            road=egos.playback.copy(),
+            roads=self.playbacks.roads,
+            road=self.playbacks.road[egos.playback],
             target_lane=egos.target_lane.copy(),
-            id=np.concatenate((np.full((self.count, 1), EGO_ID), vehicle), axis=1),
-            lane=np.concatenate((self._own_lanes()[:, None], lane), axis=1),
+            id=np.concatenate((np.full((self.count, 1), EGO_ID), traffic.vehicle), axis=1),
+            lane=np.concatenate((own_lane[:, None], traffic.lane), axis=1),
             x=x,
             y=y,
             vx=vx,
@@ -405,13 +374,3 @@ class World:
         decisions = self.shield.decide_batch(scenes)
         self._scenes, self._decisions = scenes, decisions
         return scenes, decisions
-
-    def _own_lanes(self) -> Integers:
-        """The lane of its direction whose centre is nearest to each ego, shape (N,)."""
-        lanes = np.zeros(self.count, dtype=np.int64)
-        for index, playback in enumerate(self.playbacks):
-            here = np.flatnonzero(self._egos.playback == index)
-            centres = np.array([lane.centre for lane in playback.lanes])
-            ids = np.array([lane.id for lane in playback.lanes])
-            lanes[here] = ids[np.argmin(np.abs(self._egos.y[here, None] - centres), axis=1)]
-        return lanes

@@ -9,7 +9,7 @@ from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.entry import find_entry
 from drlsl.driving.fault import Verdict
-from drlsl.driving.playback import Playback
+from drlsl.driving.playback import Playback, road_of
 from drlsl.driving.shield import Shield
 from drlsl.driving.world import StepResult, World
 from drlsl.errors import UserError
@@ -174,7 +174,7 @@ def test_a_direction_without_lanes_is_refused(shield: Shield) -> None:
 
 def test_the_entry_is_a_gap_that_the_rules_call_safe(shield: Shield) -> None:
     made = recording([Drive(lane, x, 20.0) for lane in (3, 4) for x in np.arange(0.0, LENGTH, 12.0)])
-    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, radar_range=100.0)
+    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, road_of(made, 100.0))
     for seed in range(5):
         entry = find_entry(playback, shield, np.random.default_rng(seed), frame=0, size=(4.6, 1.9))
         assert entry.lane.id == 5
@@ -184,6 +184,6 @@ def test_a_road_without_a_gap_is_refused(shield: Shield) -> None:
     made = recording(
         [Drive(lane, x, 0.0) for lane in (3, 4, 5) for x in np.arange(0.0, LENGTH, 12.0)], frames=5
     )
-    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, radar_range=100.0)
+    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, road_of(made, 100.0))
     with pytest.raises(UserError, match="no gap that the rules call safe"):
         find_entry(playback, shield, np.random.default_rng(0), frame=0, size=(4.6, 1.9))
