@@ -46,8 +46,13 @@ def query(
 
 def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
     from drlsl.driving.shield import LIMITS
+    from drlsl.errors import UserError
+    from drlsl.logic import LimitExceeded
 
-    solutions = list(shield.engine.query(goal, limits=LIMITS))
+    try:
+        solutions = list(shield.engine.query(goal, limits=LIMITS))
+    except LimitExceeded as error:
+        raise UserError(f"gave up on {goal}: it went beyond {LIMITS.inferences:,} inferences") from error
     if as_json:
         rows = [{name: _plain(value) for name, value in solution.items()} for solution in solutions]
         print(json.dumps({"goal": goal, "solutions": rows}, indent=2))

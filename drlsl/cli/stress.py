@@ -39,7 +39,7 @@ def stress(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Drive episodes with random or always-changing lane choices among what the shield offers, and count contacts."""
+    """Drive episodes with random or always-changing choices among what is offered, and count contacts."""
     from rich.progress import Progress
 
     from drlsl.driving.config import EnvConfig
