@@ -43,7 +43,6 @@ _CALLS: Final = {
     "min": "minimum",
     "mod": "remainder",
     "round": "rounded",
-    "same": "same",
     "select": "choose",
     "sign": "sign",
     "sqrt": "sqrt",

@@ -11,7 +11,7 @@ Operations, by kind of result:
 ==========  ==========================================================================================
 index       loop, row, first, argmin, argmax, select
 rows        facts, others, where
-bool        const, lt, eq, same, not, and, or, any
+bool        const, lt, eq, not, and, or, any
 number      const, col, select, count, sum, min_of, max_of, and those of `numbers.py`
 atom        const, col, select
 ==========  ==========================================================================================
@@ -271,7 +271,7 @@ class Pool:
         return self.make("lt", "bool", (left, right))
 
     def equal(self, left: Node, right: Node) -> Node:
-        """left equals right by value, both of one kind."""
+        """left equals right, both of one kind. As in the engine, 0.0 and -0.0 are equal."""
         if left is right:
             return self.true
         if left.is_const and right.is_const:
@@ -292,27 +292,6 @@ class Pool:
         if not right.is_const and left.order > right.order:
             left, right = right, left
         return self.make("eq", "bool", (left, right))
-
-    def same(self, left: Node, right: Node) -> Node:
-        """left and right are the same term, both of one kind; unlike `equal`, 0.0 and -0.0 are not."""
-        if left.kind != "float":
-            return self.equal(left, right)
-        if left is right:
-            return self.true
-        if left.is_const and right.is_const:
-            return self.const(
-                left.data == right.data and math.copysign(1, left.data) == math.copysign(1, right.data)
-            )
-        if any(node.is_const and node.data != 0.0 for node in (left, right)):
-            return self.equal(left, right)
-        if left.op == "select" or right.op == "select":
-            chosen, other, swap = (left, right, False) if left.op == "select" else (right, left, True)
-            cond, then, els = chosen.args
-            sides = [(branch, other) if not swap else (other, branch) for branch in (then, els)]
-            return self.choose(cond, self.same(*sides[0]), self.same(*sides[1]))
-        if left.high < right.low or right.high < left.low:
-            return self.false
-        return self.make("same", "bool", (left, right))
 
     # ---------------------------------------------------------------- choice
 
@@ -452,7 +431,6 @@ class Pool:
             "not": self.not_,
             "lt": self.less,
             "eq": self.equal,
-            "same": self.same,
             "select": self.choose,
         }
         if node.op in simple:

@@ -469,11 +469,6 @@ class Ops:
         result: Array = np.where(cond, self.dtype.type(then), self.dtype.type(els))
         return result
 
-    def same(self, left: Array, right: Array) -> Mask:
-        """Floats that are the same term: 0.0 and -0.0 are not."""
-        result: Mask = (left == right) & (np.signbit(left) == np.signbit(right))
-        return result
-
     def to_float(self, value: Array) -> Array:
         """Integers as floats."""
         return np.asarray(value).astype(self.dtype)

@@ -44,7 +44,6 @@ _CALLS: Final = {
     "truncate": "trunc",
     "round": "rounded",
     "truncdiv": "truncated",
-    "same": "same",
 }
 _ATOMIC, _UNARY, _COMPARISON, _NOT, _AND, _OR, _CHOICE = 20, 13, 6, 5, 4, 3, 1
 _TWICE: Final = frozenset(

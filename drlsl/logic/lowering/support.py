@@ -53,11 +53,6 @@ def blank_row(relation: Relation) -> Row:
     return tuple({"atom": "", "int": 0, "float": 0.0}[kind] for kind in relation.columns)
 
 
-def same(left: float, right: float) -> bool:
-    """Two floats are the same term: 0.0 and -0.0 are not."""
-    return left == right and math.copysign(1.0, left) == math.copysign(1.0, right)
-
-
 def _whole(function: Callable[[float], int]) -> Callable[[float], int]:
     return lambda value: function(value) if math.isfinite(value) else 0
 
@@ -72,7 +67,6 @@ SUPPORT: Final[dict[str, Any]] = {
     "inf": math.inf,
     "nan": math.nan,
     "rounded": rounded,
-    "same": same,
     "sign": sign,
     "sqrt": math.sqrt,
     "trunc": _whole(math.trunc),

@@ -153,7 +153,7 @@ class Unfolder:
                 return self.pool.choose(cond, *sides)
         if one.kind != other.kind:
             return self.pool.false
-        return self.pool.same(one, other)
+        return self.pool.equal(one, other)
 
     def identical(self, left: Sym, right: Sym) -> Node:
         """Two terms are the same without any binding."""
