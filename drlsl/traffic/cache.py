@@ -9,9 +9,6 @@ import re
 import sys
 import tempfile
 import warnings
-import zipfile
-import zlib
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -23,13 +20,13 @@ from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, Vehi
 from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.sources import Source
 
-LOADER_VERSION = 1
+LOADER_VERSION = 2
 """Raise this whenever a loader would read the same files differently, or the layout below changes."""
 
 SAMPLE = 1 << 16
 """Bytes at either end of a file that go into its fingerprint, besides its size and time of change."""
 
-BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile, zlib.error)
+BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
 """What reading a damaged cache file raises."""
 
 
@@ -52,15 +49,15 @@ def read_cached(source: Source) -> Recording | None:
     """
     path = _cache_file(source)
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            facts = json.loads(str(stored["facts"]))
+        with open(path, "rb") as file:
+            checksum, text = (np.load(file, allow_pickle=False) for _ in range(2))
+            facts = json.loads(str(text))
             if facts["fingerprint"] != _fingerprint(source):
                 return None
-            arrays = _padded(tuple(facts["shape"]), stored)
-            kinds = [VehicleClass(kind) for kind in facts["classes"]]
-            codes = dict(zip(stored["vehicles"].tolist(), stored["codes"].tolist(), strict=True))
-        classes = {vehicle: kinds[code] for vehicle, code in codes.items()}
-        return _recording(facts, arrays, classes)
+            arrays = {name: np.load(file, allow_pickle=False) for name in EMPTY_SLOT}
+        if int(checksum) != _checksum(text, *arrays.values()):
+            raise ValueError("the checksum is wrong")
+        return _recording(facts, arrays)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except BROKEN as error:
@@ -69,11 +66,10 @@ def read_cached(source: Source) -> Recording | None:
 
 
 def write_cached(source: Source, recording: Recording) -> None:
-    """Keep a copy for read_cached, whole or not at all.
+    """Keep a copy for read_cached, whole or not at all: checksum, facts as JSON, each array of Frames.
 
     Warns: where the cache folder cannot be written; nothing else depends on it.
     """
-    classes = [kind.value for kind in VehicleClass]
     facts = {
         "fingerprint": _fingerprint(source),
         "name": recording.name,
@@ -81,27 +77,18 @@ def write_cached(source: Source, recording: Recording) -> None:
         "lanes": [{**asdict(lane), "direction": lane.direction.value} for lane in recording.lanes],
         "x_min": recording.x_min,
         "x_max": recording.x_max,
+        "vehicle_class": {vehicle: kind.value for vehicle, kind in recording.vehicle_class.items()},
         "dropped": [asdict(item) for item in recording.dropped],
         "notes": recording.notes,
-        "classes": classes,
-        "shape": recording.frames.valid.shape,
     }
-    present = recording.frames.valid
-    arrays: dict[str, Any] = {
-        "facts": np.array(json.dumps(facts)),
-        "vehicles": np.array(list(recording.vehicle_class), dtype=np.int32),
-        "codes": np.array(
-            [classes.index(kind.value) for kind in recording.vehicle_class.values()], dtype=np.int8
-        ),
-        "cells": np.flatnonzero(present).astype(np.int32),
-        **{name: array[present] for name, array in recording.frames.arrays() if name != "valid"},
-    }
+    arrays = [np.array(json.dumps(facts)), *(getattr(recording.frames, name) for name in EMPTY_SLOT)]
     path = _cache_file(source)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
             try:
-                np.savez(file, **arrays)
+                for array in (np.uint64(_checksum(*arrays)), *arrays):
+                    np.save(file, array)
                 file.close()
                 os.replace(file.name, path)
             except BaseException:
@@ -112,21 +99,18 @@ def write_cached(source: Source, recording: Recording) -> None:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
 
 
-def _padded(shape: tuple[int, int], stored: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-    """The arrays of Frames from the values of the slots that hold a vehicle, all that is stored."""
-    valid = np.zeros(shape[0] * shape[1], dtype=np.bool_)
-    valid[stored["cells"]] = True
-    full, empty = np.flatnonzero(valid), np.flatnonzero(~valid)
-    arrays: dict[str, npt.NDArray[Any]] = {"valid": valid.reshape(shape)}
-    for name in EMPTY_SLOT.keys() - arrays.keys():
-        values = stored[name]
-        array = np.empty(len(valid), dtype=values.dtype)
-        array[full], array[empty] = values, EMPTY_SLOT[name]
-        arrays[name] = array.reshape(shape)
-    return arrays
+def _checksum(*arrays: npt.NDArray[Any]) -> int:
+    """Sum of all words of 64 bits, to notice accidents; zlib.crc32 would take longer than the loading."""
+    total = 0
+    for array in arrays:
+        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+        whole = len(data) // 8 * 8
+        total += int(np.add.reduce(data[:whole].view(np.uint64))) + int(data[whole:].sum(dtype=np.uint64))
+    return total % 2**64
 
 
-def _recording(facts: dict[str, Any], arrays: dict[str, Any], classes: dict[int, VehicleClass]) -> Recording:
+def _recording(facts: dict[str, Any], arrays: dict[str, Any]) -> Recording:
+    kinds = {kind.value: kind for kind in VehicleClass}
     lanes = tuple(Lane(**{**lane, "direction": Direction(lane["direction"])}) for lane in facts["lanes"])
     return Recording(
         name=facts["name"],
@@ -135,7 +119,7 @@ def _recording(facts: dict[str, Any], arrays: dict[str, Any], classes: dict[int,
         x_min=facts["x_min"],
         x_max=facts["x_max"],
         frames=Frames(**arrays),
-        vehicle_class=classes,
+        vehicle_class={int(vehicle): kinds[kind] for vehicle, kind in facts["vehicle_class"].items()},
         dropped=tuple(Dropped(**item) for item in facts["dropped"]),
         notes=tuple(facts["notes"]),
     )
@@ -145,7 +129,7 @@ def _cache_file(source: Source) -> Path:
     """One file for each source, wherever it lies, so that a changed source replaces its old copy."""
     where = "\n".join([source.name, source.part or "", *(str(path.resolve()) for path in source.files)])
     readable = re.sub(r"[^\w.-]+", "-", source.name)[:60]
-    return cache_folder() / f"{readable}-{hashlib.sha256(where.encode()).hexdigest()[:16]}.npz"
+    return cache_folder() / f"{readable}-{hashlib.sha256(where.encode()).hexdigest()[:16]}.npy"
 
 
 def _fingerprint(source: Source) -> str:

@@ -115,16 +115,19 @@ def damage(path: Path, how: str) -> None:
     elif how == "text":
         path.write_text("not an archive")
     elif how == "pickle":
-        np.savez(path, facts=np.array([{"a": 1}], dtype=object))
+        with open(path, "wb") as file:
+            np.save(file, np.array([{"a": 1}], dtype=object))
     elif how == "other":
-        np.savez(path, something=np.zeros(3))
+        with open(path, "wb") as file:
+            np.save(file, np.zeros(3))
+            np.save(file, np.zeros(3))
     else:
-        place = content.index(np.float64(50.0 + 3).tobytes())
-        content[place] ^= 0xFF
+        place = {"position": np.float64(50.0 + 3).tobytes(), "speed limit": "36.11".encode("utf-32-le")}[how]
+        content[content.index(place)] ^= 1
         path.write_bytes(content)
 
 
-@pytest.mark.parametrize("how", ["truncated", "empty", "text", "pickle", "other", "one bit of a position"])
+@pytest.mark.parametrize("how", ["truncated", "empty", "text", "pickle", "other", "position", "speed limit"])
 def test_a_damaged_cache_is_rebuilt_with_a_warning(folder: Path, cache_folder: Path, how: str) -> None:
     first = load_recording(folder)
     (path,) = cache_folder.iterdir()
