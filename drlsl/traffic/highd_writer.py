@@ -7,7 +7,7 @@ out; every column written has highD's meaning.
 from __future__ import annotations
 
 import lzma
-import shutil
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +19,9 @@ import pandas as pd
 from drlsl.errors import UserError
 from drlsl.traffic.recording import Floats, VehicleClass
 from drlsl.traffic.tracks import Tracks
+
+RECORDING_FILE = re.compile(r"\d+_(tracks|tracksMeta|recordingMeta)\.csv(\.gz|\.xz)?")
+"""The files of a recording, the only ones that `force` replaces."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +46,18 @@ class HighdContent:
 def check_folder(folder: Path, *, force: bool) -> None:
     """Whether a recording may be written there, asked before the work of making it.
 
-    Raises: UserError where the folder exists and `force` is not given, or where it is a file.
+    Raises: UserError where the folder exists and `force` is not given, or where it holds anything but a
+        recording, which `force` would delete.
     """
-    if folder.exists() and not folder.is_dir():
+    if not folder.exists():
+        return
+    if not folder.is_dir():
         raise UserError(f"{folder}: is a file, expected a folder to write")
-    if folder.exists() and not force:
+    if not force:
         raise UserError(f"{folder}: exists already; choose another folder or add --force to replace it")
+    others = sorted(path.name for path in folder.iterdir() if not RECORDING_FILE.fullmatch(path.name))
+    if others:
+        raise UserError(f"{folder}: --force replaces only recordings, and {others[0]} is no part of one")
 
 
 def write_highd(
@@ -76,12 +85,23 @@ def write_highd(
                     (fresh / f"{part}_{kind}.csv.xz").write_bytes(packed)
                 else:
                     (fresh / f"{part}_{kind}.csv").write_bytes(text)
-            if folder.exists():
-                shutil.move(folder, Path(scratch) / "old")
-            fresh.rename(folder)
+            _swap(fresh, folder, aside=Path(scratch) / "old")
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error}") from error
     return folder
+
+
+def _swap(fresh: Path, folder: Path, *, aside: Path) -> None:
+    """Put the fresh folder in place of the old one, if any; where that fails, the old one is back."""
+    existed = folder.exists()
+    if existed:
+        folder.rename(aside)
+    try:
+        fresh.rename(folder)
+    except OSError:
+        if existed:
+            aside.rename(folder)
+        raise
 
 
 def _tracks_table(content: HighdContent) -> pd.DataFrame:

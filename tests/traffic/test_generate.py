@@ -85,34 +85,47 @@ def test_the_derived_columns_mean_what_highd_means(tmp_path: Path) -> None:
     assert (meta["upperLaneMarkings"], meta["lowerLaneMarkings"]) == ("8.00;12.00", "20.00;24.00;28.00")
 
 
-def test_an_existing_folder_is_kept_unless_forced(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "precious.txt").write_text("keep me")
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_an_existing_recording_is_kept_unless_forced(tmp_path: Path) -> None:
+    out = write_highd(by_hand(), tmp_path / "out", compress=True)
+    before = contents(out)
     with pytest.raises(UserError, match="exists already; choose another folder or add --force"):
         write_highd(by_hand(), out)
-    assert (out / "precious.txt").read_text() == "keep me"
+    assert contents(out) == before
     write_highd(by_hand(), out, force=True)
-    assert sorted(path.name for path in out.iterdir()) == [
-        "01_recordingMeta.csv",
-        "01_tracks.csv",
-        "01_tracksMeta.csv",
-    ]
+    assert sorted(contents(out)) == ["01_recordingMeta.csv", "01_tracks.csv", "01_tracksMeta.csv"]
 
 
-def test_a_failed_write_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "old.txt").write_text("old")
+def test_force_deletes_nothing_but_recordings(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("keep me")
+    with pytest.raises(
+        UserError, match=r"--force replaces only recordings, and thesis\.tex is no part of one"
+    ):
+        write_highd(by_hand(), tmp_path, force=True)
+    assert contents(tmp_path) == {"thesis.tex": b"keep me"}
 
-    def fail(*_: Any, **__: Any) -> None:
-        raise OSError("disk full")
 
-    monkeypatch.setattr(Path, "write_bytes", fail)
+@pytest.mark.parametrize("step", ["write_bytes", "rename"])
+def test_a_failed_write_leaves_everything_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    out = write_highd(by_hand(), tmp_path / "out")
+    before = contents(out)
+    real = getattr(Path, step)
+
+    def fail(self: Path, *arguments: Any) -> Any:
+        if self.name == "new" or step == "write_bytes":
+            raise OSError("disk full")
+        return real(self, *arguments)
+
+    monkeypatch.setattr(Path, step, fail)
     with pytest.raises(UserError, match="cannot be written: disk full"):
-        write_highd(by_hand(), out, force=True)
+        write_highd(by_hand(), out, force=True, compress=True)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
-    assert (out / "old.txt").read_text() == "old"
+    assert contents(out) == before
 
 
 def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
