@@ -13,10 +13,22 @@ from drlsl.logic.writer import format_term
 
 _OPERATORS: Final = Operators()
 _SHOWN_DEPTH: Final = 12
+_SHOWN_NAMES: Final = 100
 
 
 def _show(term: Term) -> str:
-    return format_term(term, _OPERATORS, quoted=True, numbervars=True, max_depth=_SHOWN_DEPTH)
+    """A term for people: its variables by the names that the program gave them."""
+    names: dict[int, str] = {}
+    todo = [deref(term)]
+    while todo and len(names) < _SHOWN_NAMES:
+        part = todo.pop()
+        if isinstance(part, Var):
+            names[id(part)] = part.name
+        elif isinstance(part, Struct):
+            todo.extend(map(deref, part.args))
+    return format_term(
+        term, _OPERATORS, quoted=True, numbervars=True, max_depth=_SHOWN_DEPTH, variable_names=names
+    )
 
 
 class PrologError(Exception):
