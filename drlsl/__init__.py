@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from drlsl.driving.registration import register_with_gymnasium
+
 if TYPE_CHECKING:
     from drlsl.driving.actions import Action as Action
     from drlsl.driving.scene import Scene as Scene
@@ -20,3 +22,6 @@ def __getattr__(name: str) -> Any:
     from drlsl import driving
 
     return getattr(driving, name)
+
+
+register_with_gymnasium()

@@ -151,15 +151,29 @@ class _Encounter:
         return inside is not None and inside < row
 
     def struck_from_behind(self) -> bool:
-        """The other came from behind in a lane that the ego had been in, or had entered, in good time."""
-        lane = _lane_at(float(self.other.y[-1]), self.lanes)
-        entered, inside = _since(_touches(self.ego, lane)), _since(_inside(self.ego, lane))
-        if self._met_sideways() or self._came_from() >= 0 or entered is None:
+        """The other came from behind, in lanes that the ego had been in, or had entered, in good time."""
+        if self._met_sideways() or self._came_from() >= 0:
             return False
+        shared = self._shared_lanes()
+        return bool(shared) and all(self._was_in_good_time(lane) for lane in shared)
+
+    def _shared_lanes(self) -> list[Lane]:
+        """The lanes that both have come into at the contact, or where there is none, that both touch."""
+        for is_in in (_intrudes, _touches):
+            shared = [
+                lane for lane in self.lanes if is_in(self.ego, lane)[-1] and is_in(self.other, lane)[-1]
+            ]
+            if shared:
+                return shared
+        return []
+
+    def _was_in_good_time(self, lane: Lane) -> bool:
+        """Whether the ego was in `lane` before the other came in behind, or left it time to brake."""
+        entered, inside = _since(_touches(self.ego, lane)), _since(_inside(self.ego, lane))
         if self.other_appeared and inside == 0:
             return True
         moved_in = _since(_intrudes(self.other, lane))
-        if moved_in is not None and entered < moved_in and _inside(self.ego, lane)[moved_in]:
+        if moved_in and entered is not None and entered < moved_in and _inside(self.ego, lane)[moved_in]:
             return True
         rows = [row for row in (entered, inside) if row is not None]
         return any(self._left_time(row, rear=self.other, front=self.ego) for row in rows)

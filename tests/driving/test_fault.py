@@ -90,6 +90,25 @@ def test_a_vehicle_that_moves_in_behind_the_ego_is_to_blame() -> None:
     assert verdict(ego, close) is Verdict.STRUCK_FROM_BEHIND
 
 
+def test_a_follower_that_swerves_back_behind_an_ego_that_changed_lanes_is_to_blame() -> None:
+    steps = 240
+    ego_y = np.concatenate(
+        (np.full(150, CENTRE[1]), np.linspace(CENTRE[1], CENTRE[2], 50), np.full(40, CENTRE[2]))
+    )
+    other_y = np.concatenate(
+        (np.linspace(CENTRE[2], CENTRE[1] + 0.4, 190), np.linspace(CENTRE[1] + 0.4, 3.3, 50))
+    )
+    ego, other = track(100.0, 26.0, ego_y, steps), track(100.0 - LENGTH + 0.01, 27.5, other_y, steps)
+    assert verdict(ego, other) is Verdict.STRUCK_FROM_BEHIND
+
+
+def test_a_follower_across_both_lanes_does_not_excuse_entering_the_second() -> None:
+    steps = 100
+    ego = track(100.0, 20.0, sideways(CENTRE[1], CENTRE[1] + 1.6, steps, 20), steps)
+    other = track(100.0 - LENGTH + 0.01, 32.0, (CENTRE[1] + CENTRE[2]) / 2, steps)
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
 def test_moving_in_before_a_vehicle_that_moves_in_behind_is_the_egos_fault() -> None:
     steps = 200
     ego = track(100.0, 15.0, sideways(CENTRE[3], CENTRE[2], steps, 40), steps)
