@@ -10,7 +10,9 @@ from drlsl.logic.lowering.schema import Relation, Schema
 
 SCHEMA = Schema(
     [
-        Relation("car", ("atom", "int", "float", "float"), key=0, first="ego", fields=("id", "slot", "x", "v")),
+        Relation(
+            "car", ("atom", "int", "float", "float"), key=0, first="ego", fields=("id", "slot", "x", "v")
+        ),
         Relation("slot", ("int", "atom", "float"), key=0, capacity=8, fields=("slot", "side", "w")),
         Relation("seen", ("int", "float"), fields=("n", "z")),
         Relation("limit", ("float",), single=True),
@@ -24,6 +26,7 @@ rank(a, 1). rank(b, 2). rank(b, 3).
 mixed(1). mixed(2.5). mixed(2).
 """
 
+FUNCTIONS = ("abs", "sqrt", "sign", "float", "floor", "round", "truncate", "ceiling", "exp", "atan")
 NUMBERS = ("float", "int")
 
 
@@ -31,7 +34,9 @@ NUMBERS = ("float", "int")
 class Scope:
     """The variables bound so far in a clause, by kind, and how many were made."""
 
-    bound: dict[str, list[str]] = field(default_factory=lambda: {"key": [], "int": [], "float": [], "side": []})
+    bound: dict[str, list[str]] = field(
+        default_factory=lambda: {"key": [], "int": [], "float": [], "side": []}
+    )
     made: list[int] = field(default_factory=lambda: [0])
 
     def fresh(self) -> str:
@@ -78,12 +83,9 @@ def expressions(draw: st.DrawFn, scope: Scope, depth: int = 2) -> str:
         return draw(operands(scope, kind))
     left = draw(expressions(scope, depth - 1))
     name = draw(
-        st.sampled_from(
-            ["+", "-", "*", "*", "-", "+", "/", "min", "max", "//", "mod", "**", "abs", "-u", "sqrt", "sign"]
-            + ["float", "floor", "round", "truncate", "ceiling", "rem", "div", "exp", "atan"]
-        )
+        st.sampled_from([*"+-*+-*/", "min", "max", "//", "mod", "rem", "div", "**", "-u", *FUNCTIONS])
     )
-    if name in ("abs", "sqrt", "sign", "float", "floor", "round", "truncate", "ceiling", "exp", "atan"):
+    if name in FUNCTIONS:
         return f"{name}({left})"
     if name == "-u":
         return f"-({left})"
@@ -110,7 +112,9 @@ def facts_goals(draw: st.DrawFn, scope: Scope) -> str:
             ]
         )
     )
-    args = [draw(arguments(scope, kind)) if kind else draw(st.sampled_from(["_", "b", "near"])) for kind in kinds]
+    args = [
+        draw(arguments(scope, kind)) if kind else draw(st.sampled_from(["_", "b", "near"])) for kind in kinds
+    ]
     return f"{name}({', '.join(args)})"
 
 
@@ -150,7 +154,9 @@ def goals(draw: st.DrawFn, scope: Scope, known: list[tuple[str, tuple[str, ...]]
 def nested(draw: st.DrawFn, scope: Scope, known: list[tuple[str, tuple[str, ...]]], depth: int) -> str:
     """A goal made of goals."""
     form = draw(
-        st.sampled_from(["not", "if", "or", "once", "ignore", "forall", "count", "min", "max", "sum", "member", "soft"])
+        st.sampled_from(
+            ["not", "if", "or", "once", "ignore", "forall", "count", "min", "max", "sum", "member", "soft"]
+        )
     )
     inner = scope.inner()
     first = draw(bodies(inner, known, depth, most=2))
@@ -186,7 +192,9 @@ def bodies(
 
 
 @st.composite
-def clauses(draw: st.DrawFn, name: str, kinds: tuple[str, ...], known: list[tuple[str, tuple[str, ...]]]) -> str:
+def clauses(
+    draw: st.DrawFn, name: str, kinds: tuple[str, ...], known: list[tuple[str, tuple[str, ...]]]
+) -> str:
     """A clause whose head gets its arguments from the body."""
     scope = Scope()
     parts = [draw(goals(scope, known)) for _ in range(draw(st.integers(1, 3)))]
@@ -221,7 +229,9 @@ def facts(draw: st.DrawFn, most: int = 4) -> dict[tuple[str, int], list[tuple[ob
     slots = draw(st.lists(_INTS, unique=True, max_size=3))
     return {
         ("car", 4): [(name, draw(_INTS), draw(_FLOATS), draw(_FLOATS)) for name in names],
-        ("slot", 3): [(slot, draw(st.sampled_from(["left", "right", "middle"])), draw(_FLOATS)) for slot in slots],
+        ("slot", 3): [
+            (slot, draw(st.sampled_from(["left", "right", "middle"])), draw(_FLOATS)) for slot in slots
+        ],
         ("seen", 2): draw(st.lists(st.tuples(_INTS, _FLOATS), max_size=3)),
         ("limit", 1): [(draw(_FLOATS),)],
         ("steps", 1): [(draw(_INTS),)],

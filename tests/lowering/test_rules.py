@@ -14,7 +14,7 @@ from drlsl.driving.lowered import SCHEMA
 from drlsl.driving.scene import Facts, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
 from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.lower import Mode, Query, lower
 from tests.lowering.tiers import Tiers
 from tests.scenes import scenes
 
@@ -35,12 +35,15 @@ def predicates(program: str) -> list[tuple[str, int]]:
     return [key for key, predicate in defined if key not in SCHEMA.relations and predicate.clauses]
 
 
+MODES: tuple[Mode, ...] = ("first", "all")
+
+
 def queries(program: str) -> list[Query]:
     """Questions of every kind about every predicate."""
     return [
         Query(name, arity, mode)
         for name, arity in predicates(program)
-        for mode in (("holds",) if arity == 0 else ("first", "all"))
+        for mode in (MODES if arity else ("holds",))
     ]
 
 
@@ -121,7 +124,9 @@ def test_a_changed_rule_text_changes_both_tiers() -> None:
     }
     query = Query("safe_actions", 1, "all")
     for distance, offered in (("6.15", True), ("12.0", False)):
-        tier = Tiers(changed(text, "critical_distance(6.15)", f"critical_distance({distance})"), SCHEMA, query)
+        tier = Tiers(
+            changed(text, "critical_distance(6.15)", f"critical_distance({distance})"), SCHEMA, query
+        )
         assert tier.check([scene]) == 1
         assert ("right_lane_change" in tier.scalar(scene)[0]) is offered
 

@@ -17,6 +17,7 @@ from drlsl.logic.lowering.schema import Relation, Schema
 
 Facts = Mapping[tuple[str, int], Sequence[Sequence[Any]]]
 
+
 def ask(engine: Engine, query: Query, facts: Facts) -> Any:
     """The interpreter's answer in the form of the scalar tier; an error as the exception."""
     for (name, arity), rows in facts.items():
@@ -108,7 +109,9 @@ class Tiers:
             except Undecided:
                 continue
             answered += 1
-            assert same(answer, given), f"{self.query}: interpreter {answer!r}, scalar {given!r}, facts {facts!r}"
+            assert same(answer, given), (
+                f"{self.query}: interpreter {answer!r}, scalar {given!r}, facts {facts!r}"
+            )
         if self.arrays is not None:
             self._check_arrays(scenes, expected)
         return answered
@@ -120,7 +123,9 @@ class Tiers:
         for n, (facts, wanted) in enumerate(zip(scenes, expected, strict=True)):
             if result.undecided[n]:
                 continue
-            assert not isinstance(wanted, PrologError), f"{self.query}: {wanted!r} went unnoticed, facts {facts!r}"
+            assert not isinstance(wanted, PrologError), (
+                f"{self.query}: {wanted!r} went unnoticed, facts {facts!r}"
+            )
             given = self._array_value(answer.value[n], bool(answer.fails[n]))
             loose = self._expected(wanted)
             assert given == loose, f"{self.query}: interpreter {loose!r}, arrays {given!r}, facts {facts!r}"
@@ -132,7 +137,8 @@ class Tiers:
             return None if fails else value.tolist()
         assert self.arrays is not None
         return sorted(
-            (item for item, there in zip(self.arrays.choices[self.query], value, strict=True) if there), key=repr
+            (item for item, there in zip(self.arrays.choices[self.query], value, strict=True) if there),
+            key=repr,
         )
 
     def _expected(self, value: Any) -> Any:
@@ -143,5 +149,9 @@ class Tiers:
         if isinstance(value, str):
             return self.arrays.code(value)
         if isinstance(value, tuple):
-            return [part for item in map(self._expected, value) for part in (item if isinstance(item, list) else [item])]
+            return [
+                part
+                for item in map(self._expected, value)
+                for part in (item if isinstance(item, list) else [item])
+            ]
         return [self._expected(item) for item in value] if isinstance(value, list) else value

@@ -377,7 +377,9 @@ class ArrayPrinter:
     def _reduction(self, node: Node) -> str:
         loop, mask, values = node.args[0], self._mask(node), node.args[2:]
         axes = tuple(sorted(mask.free.union(*(value.free for value in values)), key=lambda loop: loop.data))
-        args = [self._aligned(mask, axes, _LOOSE), *(self._aligned(value, axes, _LOOSE) for value in values)]
+        args = [self._aligned(node, axes, _LOOSE) for node in (mask, *values[:1])]
+        outer = [other for other in axes if other is not loop]
+        args.extend(self._aligned(start, outer, _LOOSE) for start in values[1:])
         text = f"xp.{_REDUCTIONS[node.op]}({', '.join(args)}, {axes.index(loop)})"
         if node.kind != "index":
             return text

@@ -342,13 +342,14 @@ class Pool:
         """
         _, inner = _split(loop, cond)
         if op in ("min_of", "max_of"):
-            return self._quantify(op, value.kind, loop, self.and_(inner), value, (value.low, value.high))
-        return self._quantify(op, "index", loop, self.and_(inner), value)
+            return self._quantify(op, value.kind, loop, self.and_(inner), (value,), (value.low, value.high))
+        return self._quantify(op, "index", loop, self.and_(inner), (value,))
 
-    def total(self, loop: Node, cond: Node, value: Node, bounds: Interval) -> Node:
-        """The sum over the rows that meet the condition, in their order, starting from 0 or 0.0."""
-        _, inner = _split(loop, cond)
-        return self._quantify("sum", value.kind, loop, self.and_(inner), value, bounds)
+    def total(self, loop: Node, cond: Node, value: Node, start: Node, bounds: Interval) -> Node:
+        """`start` and then the values of the rows that meet the condition, added in order."""
+        fixed, inner = _split(loop, cond)
+        added = self._quantify("sum", value.kind, loop, self.and_(inner), (value, start), bounds)
+        return self.choose(self.and_(fixed), added, start)
 
     def _quantify(
         self,
@@ -356,14 +357,13 @@ class Pool:
         kind: Kind,
         loop: Node,
         cond: Node,
-        value: Node | None = None,
+        values: tuple[Node, ...] = (),
         bounds: Interval = UNKNOWN,
     ) -> Node:
         if op == "any" and cond is self.false:
             return self.false
         if op == "count" and cond is self.false:
             return self.const(0)
-        values: tuple[Node, ...] = () if value is None else (value,)
         outer = (cond.free.union(*(v.free for v in values)) | loop.args[0].free) - {loop}
         own: list[Node] = []
         rest: list[Node] = []
@@ -422,7 +422,7 @@ class Pool:
         if node.op == "count":
             return self.count(loop, parts[0])
         if node.op == "sum":
-            return self.total(loop, parts[0], parts[1], (node.low, node.high))
+            return self.total(loop, parts[0], parts[1], parts[2], (node.low, node.high))
         return self.extreme(node.op, loop, parts[0], parts[1])
 
     def rebuild(self, node: Node, args: tuple[Node, ...]) -> Node:

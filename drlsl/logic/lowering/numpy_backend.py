@@ -430,11 +430,13 @@ class Ops:
         result: Array = np.argmax(np.where(mask, value, -_highest(value)), axis=axis)
         return result
 
-    def total(self, mask: Mask, value: Array, axis: int) -> Array:
-        """The sum over the rows that are marked, in their order."""
-        parts = np.where(mask, value, np.zeros((), dtype=np.asarray(value).dtype))
-        # np.add.reduce may add in another order; 0 + -0.0 is 0.0
-        sums: Array = np.add.accumulate(parts, axis=axis).take(-1, axis) + 0
+    def total(self, mask: Mask, value: Array, start: Array, axis: int) -> Array:
+        """`start` and the values of the marked rows, added in order: np.add.reduce may use another."""
+        parts = np.moveaxis(np.where(mask, value, np.zeros((), dtype=np.asarray(value).dtype)), axis, 0)
+        shape = np.broadcast_shapes(parts.shape[1:], np.shape(start))
+        terms = np.empty((parts.shape[0] + 1, *shape), dtype=parts.dtype)
+        terms[0], terms[1:] = start, parts
+        sums: Array = np.add.accumulate(terms, axis=0)[-1]
         return sums
 
     # rows

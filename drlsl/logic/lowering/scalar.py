@@ -293,7 +293,7 @@ class _Printer:
             return _Item(conds, (), lambda: self.write(f"{name} = {row()} if {name} is {blank} else {name}"))
         value = node.args[2]
         if node.op == "sum":
-            self.write(f"{name} = {'0.0' if node.kind == 'float' else '0'}")
+            self.write(f"{name} = {self.text(node.args[3], _CHOICE)}")
             return _Item(conds, (value,), lambda: self.write(f"{name} += {self.text(value, _CHOICE)}"))
         return self._extreme_item(node, name, conds, value)
 

@@ -352,13 +352,13 @@ class Folder:
             cond, number = self._count(tree.body)
             if number is one:
                 return pool.true, pool.count(tree.loop, cond)
-            return pool.true, pool.total(tree.loop, cond, number, (0.0, 1e12))
+            return pool.true, pool.total(tree.loop, cond, number, pool.const(0), (0.0, 1e12))
         return pool.false, one
 
     def _add(self, left: Node, right: Node) -> Node:
         if left.is_const and right.is_const:
             return self.pool.const(left.data + right.data)
-        if left.is_const and left.data == 0:
+        if left.is_const and left.data == 0 and left.kind == "int":
             return right
         return self.pool.make(
             "add", left.kind, (left, right), None, (left.low + right.low, left.high + right.high)
@@ -420,37 +420,48 @@ class Folder:
         """The sum of the first terms, added in order to 0.
 
         Raises:
-            CannotMerge: no expression adds floats in that order.
+            CannotMerge: no expression adds these numbers in that order.
         """
-        pool = self.pool
-        found, value = self._total(tree)
-        if value.kind == "float":
-            return pool.choose(self.exists(tree), value, pool.const(0))
-        return pool.choose(found, value, pool.const(0))
+        kinds = {leaf.terms[0].kind for leaf in emitted(tree)}
+        if kinds - {"int", "float"} or len(kinds) > 1:
+            raise CannotMerge
+        if kinds == {"float"}:
+            # without a solution the sum is the integer
+            return self.pool.choose(
+                self.exists(tree), self._total(tree, self.pool.const(0.0)), self.pool.const(0)
+            )
+        return self._total(tree, self.pool.const(0))
 
-    def _total(self, tree: Tree) -> tuple[Node, Node]:
+    def _total(self, tree: Tree, start: Node) -> Node:
+        """The sum added to `start`."""
         pool = self.pool
         if isinstance(tree, Emit):
-            return pool.true, tree.terms[0]
+            return self._add(start, tree.terms[0])
         if isinstance(tree, Guard):
-            cond, value = self._total(tree.body)
-            return pool.and_([tree.cond, cond]), value
+            return pool.choose(tree.cond, self._total(tree.body, start), start)
         if isinstance(tree, Require):
-            return self._total(tree.body)
+            return self._total(tree.body, start)
+        if isinstance(tree, Branch):
+            return pool.choose(tree.cond, self._total(tree.then, start), self._total(tree.els, start))
+        if isinstance(tree, Seq):
+            for part in tree.parts:
+                start = self._total(part, start)
+            return start
         if isinstance(tree, Each):
-            cond, value = self._total(tree.body)
-            if value.kind not in ("int", "float") or (value.kind == "float" and has_each(tree.body)):
+            return self._total_of_rows(tree, start)
+        return start
+
+    def _total_of_rows(self, tree: Each, start: Node) -> Node:
+        pool = self.pool
+        if start.kind == "int":
+            cond, value = self.exists(tree.body), self._total(tree.body, pool.const(0))
+        else:
+            leaf = next(emitted(tree.body))
+            if leaves(tree.body) > 1 or has_each(tree.body):
                 raise CannotMerge
-            bound = 1e6 * max(abs(value.low), abs(value.high))
-            return pool.true, pool.total(tree.loop, cond, value, (-bound, bound))
-        parts = tree.parts if isinstance(tree, Seq) else ()
-        values = [self._total(part) for part in parts]
-        if not values or any(value.kind != "int" for _, value in values):
-            raise CannotMerge
-        number = pool.const(0)
-        for cond, value in values:
-            number = self._add(number, pool.choose(cond, value, pool.const(0)))
-        return pool.true, number
+            cond, value = self.exists(tree.body), leaf.terms[0]
+        bound = 1e6 * max(abs(value.low), abs(value.high))
+        return pool.total(tree.loop, cond, value, start, (start.low - bound, start.high + bound))
 
     # ---------------------------------------------------------------- how many solutions at most
 

@@ -396,7 +396,8 @@ class Unfolder:
                 found, terms = self.fold.first(tree)
             except CannotMerge:
                 return self.splice(tree, args, then)
-            undecided = self.fold.undecided(tree, whole=False)
+            # a goal behind this one that fails sends the interpreter back into it
+            undecided = self.fold.undecided(tree, whole=True)
             if not args:
                 self.pool.name(found, predicate.name)
             solved = FAIL if found is self.pool.false else self.splice(Emit(terms), args, then)
