@@ -118,6 +118,7 @@ class Reader:
         if tokens[-1][0] == EOF:
             if len(tokens) == 1:
                 raise StopIteration
+            self._parser.parse(tokens)  # which knows better what is missing, if the term is not whole
             _, text, start = tokens[-2]
             message = "end of file: expected . at the end of the clause"
             raise self.source.error(message, start, start + len(text))

@@ -87,7 +87,7 @@ def test_a_file_is_loaded_again_after_a_change(rules: Path, capsys: pytest.Captu
     shell._answer("gap(v9, X).")
     out = capsys.readouterr().out
     assert out.splitlines()[2:4] == ["X = 60.", "false."]
-    assert f"{rules}:1:7: syntax error" in out
+    assert f"{rules}:1:8: syntax error: unexpected end of text" in out
     assert out.endswith("X = 60.\n")
 
 
