@@ -1,10 +1,10 @@
 """A Prolog to embed: standard library only.
 
-    from drlsl.logic import Engine
+from drlsl.logic import Engine
 
-    engine = Engine()
-    engine.consult_text("parent(ada, byron). parent(byron, clara).")
-    [solution["X"] for solution in engine.query("parent(X, _)")]
+engine = Engine()
+engine.consult_text("parent(ada, byron). parent(byron, clara).")
+[solution["X"] for solution in engine.query("parent(X, _)")]
 """
 
 from drlsl.logic.builtins.control import Halt

@@ -1,7 +1,7 @@
 """Arithmetic: evaluable functors over unbounded integers and floats.
 
-Source: ISO 13211-1, 9, with Cor.2; then what SWI-Prolog programs expect besides. With the flag `iso` off, ``/`` and
-``**`` of integers give an integer where that is exact, and ``inf`` and ``nan`` are evaluable.
+Source: ISO 13211-1, 9, with Cor.2; then what SWI-Prolog programs expect besides. With the flag `iso` off,
+``/`` and ``**`` of integers give an integer where that is exact, and ``inf`` and ``nan`` are evaluable.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from drlsl.logic.errors import evaluation_error, instantiation_error, resource_error, type_error
+from drlsl.logic.errors import domain_error, evaluation_error, instantiation_error, resource_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def _integer(value: Number) -> int:
 
 
 def check_float(value: float, *inputs: Number) -> float:
-    """A float result: an infinity or NaN that no input brought in is an error. Source: ISO 13211-1, 9.1.4.2."""
+    """A float result: an infinity or NaN that no input brought in is an error. Source: ISO, 9.1.4.2."""
     if value - value != 0.0:
         if math.isnan(value):
             if not any(map(_is_nan, inputs)):
@@ -274,15 +274,15 @@ def _power_of_integers(base: int, exponent: int) -> int:
     return int(base**exponent)
 
 
-def _power(left: Number, right: Number, _machine: Machine) -> Number:
-    if type(left) is int and type(right) is int:
+def _power(left: Number, right: Number, machine: Machine) -> Number:
+    if type(left) is int and type(right) is int and (right >= 0 or machine.flags.iso or left in (1, -1)):
         return _power_of_integers(left, right)
     return _power_of_floats(left, right)
 
 
 def _star_power(left: Number, right: Number, machine: Machine) -> Number:
     if type(left) is int and type(right) is int and not machine.flags.iso:
-        return _power_of_integers(left, right)
+        return _power(left, right, machine)
     return _power_of_floats(left, right)
 
 
@@ -419,7 +419,7 @@ def _succ(value: Number, _machine: Machine) -> int:
 def _most_significant_bit(value: Number, _machine: Machine) -> int:
     number = _integer(value)
     if number <= 0:
-        raise type_error("not_less_than_one", number)
+        raise domain_error("not_less_than_one", number)
     return number.bit_length() - 1
 
 

@@ -1,7 +1,8 @@
 """What the plain solver runs: a clause as patterns for its head and a graph of nodes for its body.
 
-A frame is a list: the height of the choice points to cut back to, the continuation, then a slot for each variable
-of the clause (None until its first occurrence) and one for each inner barrier of its control constructs.
+A frame is a list: the height of the choice points to cut back to, the continuation, then a slot for each
+variable of the clause (None until its first occurrence) and one for each inner barrier of its control
+constructs.
 """
 
 from __future__ import annotations
@@ -179,8 +180,8 @@ def make_pattern(term: Term, slots: dict[Var, int]) -> Any:
 class BodyCompiler:
     """Turns the body of one clause, or one goal to call, into nodes.
 
-    `link` fills in the node of a goal that is no control construct: what its name and arity stand for. With `slots`
-    None the goal is called as it stands: its variables are the caller's own.
+    `link` fills in the node of a goal that is no control construct: what its name and arity stand for.
+    With `slots` None the goal is called as it stands: its variables are the caller's own.
     """
 
     def __init__(
@@ -293,7 +294,7 @@ class BodyCompiler:
     def _branch(
         self, condition: Term, then: Term, other: Node, following: Node, cut: int, above: int
     ) -> Node:
-        """If-then-else: `then` is compiled in place, `other` already is; a cut in the condition is local to it."""
+        """If-then-else, where `other` is compiled already; a cut in the condition is local to it."""
         after = self._goal(then, following, cut, above)
         node = Node(BRANCH, None, self._clause)
         node.slot = self._barrier()

@@ -16,7 +16,9 @@ def translate_rule(rule: Struct) -> Struct:
     if type(head) is Struct and head.name == "," and len(head.args) == 2:
         middle = Var("S1")
         head, push_back = head.args
-        goal = Struct(",", (translate_body(body, before, middle), _terminals(deref(push_back), after, middle)))
+        goal = Struct(
+            ",", (translate_body(body, before, middle), _terminals(deref(push_back), after, middle))
+        )
         return Struct(":-", (_nonterminal(head, before, after), goal))
     return Struct(":-", (_nonterminal(head, before, after), translate_body(body, before, after)))
 

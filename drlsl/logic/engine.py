@@ -165,7 +165,7 @@ class Engine:
         return Query(self, goal, {variable.name: variable for variable in term_variables(goal)})
 
     def query(self, goal: Goal, *, limits: Limits | None = None) -> Iterator[Solution]:
-        """The solutions of a goal, one by one, each sought when it is asked for; the iterator may be dropped early.
+        """The solutions of a goal, each sought when it is asked for; the iterator may be dropped early.
 
         Raises:
             PrologError: What the goal raised.

@@ -1,4 +1,4 @@
-"""What the name and arity of a goal stand for: the program's own predicate, a builtin, or one of the library."""
+"""What the name and arity of a goal stand for: a predicate of the program, a builtin, or one of the library."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ _HEADER: Final = re.compile(r":- module\((\w+), \[([^]]*)\]\)\.")
 _EXPORT: Final = re.compile(r"'?([^\s,'/]+)'?/(\d+)")
 
 # Libraries of SWI-Prolog whose predicates are builtins here, so that use_module/1 of them is no error.
-_BUILT_IN: Final = frozenset({"aggregate", "backcomp", "between", "error", "random", "terms", "system", "yall"})
+_BUILT_IN: Final = frozenset(
+    {"aggregate", "backcomp", "between", "error", "random", "terms", "system", "yall"}
+)
 
 
 def builtin(name: str, arity: int) -> tuple[int, Any] | None:
@@ -37,7 +39,7 @@ def builtin(name: str, arity: int) -> tuple[int, Any] | None:
 
 
 class Library:
-    """The predicates written in Prolog: read when they are first needed, once for the whole process, then fixed."""
+    """The predicates written in Prolog: read when first needed, once for the whole process, then fixed."""
 
     def __init__(self) -> None:
         self.exports: dict[Indicator, Path] = {}
@@ -69,7 +71,9 @@ class Library:
         with self._lock:
             if path in self._loaded:
                 return
-            terms = read_terms(path.read_text(encoding="utf-8"), Operators(), Flags(), f"library({path.stem})")
+            terms = read_terms(
+                path.read_text(encoding="utf-8"), Operators(), Flags(), f"library({path.stem})"
+            )
             for read in terms:
                 term = read.term
                 if type(term) is Struct and term.name == "-->":
@@ -81,7 +85,8 @@ class Library:
                 else:
                     head, body = term, TRUE
                 clause = Clause(head, body, read.span, read.variables)
-                self.program.get(head.name, len(clause.args)).append(clause)  # type: ignore[union-attr]  # a head
+                self.program.get(head.name, len(clause.args)).append(clause)  # type: ignore[union-attr]  # a
+                head
             self._loaded.add(path)
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:

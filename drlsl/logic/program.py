@@ -1,8 +1,8 @@
 """The clause store: predicates, their clauses in order, and the index on the first argument.
 
-Lists of clauses only grow at the end or are replaced, so an iteration that remembers a list, its length and the
-program's generation sees the predicate as it was when the iteration began: the logical update view (ISO 13211-1,
-7.5.4).
+Lists of clauses only grow at the end or are replaced, so an iteration that remembers a list, its length and
+the program's generation sees the predicate as it was when the iteration began: the logical update view (ISO
+13211-1, 7.5.4).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ Row: TypeAlias = tuple[Term, ...]
 class Clause:
     """A clause ``head :- body``; a fact's body is ``true``.
 
-    `span` says where the clause was read and is None for one that was asserted; `names` maps the source's names of
-    variables to the variables of `head` and `body`; `origin` is the `ReadTerm` that it came from, and `source` the
-    name of the text.
+    `span` says where the clause was read and is None for one that was asserted; `names` maps the source's
+    names of variables to the variables of `head` and `body`; `origin` is the `ReadTerm` that it came from,
+    and `source` the name of the text.
     """
 
     __slots__ = ("body", "code", "erased", "head", "names", "origin", "predicate", "source", "span")
@@ -67,8 +67,8 @@ def index_key(term: Term) -> Any:
 class Predicate:
     """The clauses of one name and arity.
 
-    A predicate holds either clauses or, after `Program.replace_facts`, rows of atomic arguments; rows turn into
-    clauses when something asks for clauses.
+    A predicate holds either clauses or, after `Program.replace_facts`, rows of atomic arguments; rows turn
+    into clauses when something asks for clauses.
     """
 
     __slots__ = (
@@ -137,7 +137,7 @@ class Predicate:
         return self._clauses
 
     def candidates(self, first: Term) -> list[Clause]:
-        """The clauses whose first argument may unify with `first`, a dereferenced term; erased ones included."""
+        """The clauses whose first argument may unify with a dereferenced term; erased ones included."""
         clauses = self.stored_clauses() if self.rows is not None else self._clauses
         if len(clauses) < 2:
             return clauses
@@ -146,7 +146,8 @@ class Predicate:
             index = self._build_index()
         kind = type(first)
         if kind is Struct:
-            return index.get((first.name, len(first.args)), self._others)  # type: ignore[union-attr]  # kind says so
+            return index.get((first.name, len(first.args)), self._others)  # type: ignore[union-attr]  # kind
+            says so
         if kind is Var:
             return clauses
         if kind is float or kind is str:
@@ -285,9 +286,7 @@ class Program:
 
     __slots__ = ("generation", "link", "make_entry", "predicates")
 
-    def __init__(
-        self, link: Callable[[Any, str, int], None], make_entry: Callable[[Predicate], Any]
-    ) -> None:
+    def __init__(self, link: Callable[[Any, str, int], None], make_entry: Callable[[Predicate], Any]) -> None:
         self.make_entry = make_entry  # the function that compiled code calls a predicate by at first
         self.link = link  # fills in the node of a goal that a clause of this program calls
         self.predicates: dict[Indicator, Predicate] = {}

@@ -1,12 +1,13 @@
 """The plain solver: SLD resolution over nodes, with its own continuations and choice points.
 
-A *task* is what to do next: a tuple whose first item is a function of the machine and the task that returns the next
-task, or None when the search stops at a solution or at its end. `run` is the task of the plain solver itself, and
-stays in its own loop as long as what follows is its own. Apart from ``(run, node, frame)`` and ``(fail,)`` a task
-that continues something has its continuation, a task, as its last item.
+A *task* is what to do next: a tuple whose first item is a function of the machine and the task that returns
+the next task, or None when the search stops at a solution or at its end. `run` is the task of the plain
+solver itself, and stays in its own loop as long as what follows is its own. Apart from ``(run, node, frame)``
+and ``(fail,)`` a task that continues something has its continuation, a task, as its last item.
 
-A *choice point* is a tuple too: a function of the machine and the choice point that returns a task, the length of
-the trail to undo to, and whatever the function needs. Backtracking removes a choice point before it calls it.
+A *choice point* is a tuple too: a function of the machine and the choice point that returns a task, the
+length of the trail to undo to, and whatever the function needs. Backtracking removes a choice point before it
+calls it.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
 _SLICE: Final = 500
-# How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round in one.
+# How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round
+# in one.
 _BOUNCES: Final = 250
 _ROUNDS: Final = 250
 _COMPACT_TRAIL: Final = 250
@@ -190,7 +192,7 @@ class Machine:
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
 
     def _handle(self, error: PrologError) -> Task:
-        """The task of the innermost catch/3 that takes an error; raises the error again when there is none."""
+        """The task of the innermost catch/3 that takes an error; raises it again when there is none."""
         if isinstance(error, LimitExceeded):
             raise error
         ball = copy_term(error.term)
@@ -496,7 +498,7 @@ def try_clauses(
     args: Sequence[Any],
     continuation: Task,
 ) -> Task:
-    """Go on with the first clause from `index` on whose head matches, leaving a choice point if others follow."""
+    """Go on with the first clause from `index` on that matches, leaving a choice point if others follow."""
     trail = machine.trail
     choices = machine.choices
     mark = len(trail)
@@ -532,9 +534,7 @@ def try_clauses(
                     break
         else:
             if index < end:
-                choices.append(
-                    (other_clauses, mark, candidates, index, end, generation, args, continuation)
-                )
+                choices.append((other_clauses, mark, candidates, index, end, generation, args, continuation))
             return run, code.body, frame
         if len(trail) > mark:
             undo(trail, mark)
@@ -674,7 +674,8 @@ def add_context(error: PrologError) -> None:
             goal, clause, names = about
             known = traceback.tb_frame.f_locals
             renaming = {variable: known[name] for variable, name in names.items() if name in known}
-            error.goal = copy_term(goal, renaming)
+            # Copied once more, since backtracking will undo what its variables are bound to.
+            error.goal = copy_term(copy_term(goal, renaming))
             error.clause = _place(clause)
         traceback = traceback.tb_next
 

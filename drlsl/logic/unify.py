@@ -50,8 +50,8 @@ def undo(trail: Trail, mark: int) -> None:
 def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
     """Drop the entries from `start` on whose variable nobody else can reach; undoing those would be unseen.
 
-    `marks` are positions not before `start` that must survive as positions, ascending. Only the entries behind the
-    last of them are dropped, since the others' places are taken. Returns how many entries went.
+    `marks` are positions not before `start` that must survive as positions, ascending. Only the entries
+    behind the last of them are dropped, since the others' places are taken. Returns how many entries went.
     """
     keep_from = start
     for mark in marks:
@@ -194,7 +194,7 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
 
 
 def term_variables(term: Term) -> list[Var]:
-    """The distinct unbound variables of a term, depth first, from left to right. Source: ISO 13211-1, 8.5.5."""
+    """The distinct unbound variables of a term, from left to right. Source: ISO 13211-1, 8.5.5."""
     found: dict[Var, None] = {}
     todo = [term]
     while todo:
@@ -215,8 +215,8 @@ def compare(left: Term, right: Term, *, iso: bool = True) -> int:
     """The standard order of terms: -1, 0 or 1.
 
     Variables precede numbers, then atoms, strings, and compound terms by arity, name and arguments. With `iso`
-    every float precedes every integer; without, numbers compare by value and a float precedes the equal integer.
-    Source: ISO 13211-1, 7.2.
+    every float precedes every integer; without, numbers compare by value and a float precedes the equal
+    integer. Source: ISO 13211-1, 7.2.
     """
     todo: list[Term] = []
     while True:

@@ -1,7 +1,8 @@
 """Terms as Python values and back: what the public API hands out and takes.
 
-An atom is a `str`, a number an `int` or a `float`, a proper list a `list`; another compound term is a `Compound`, an
-unbound variable a `Variable`, and Prolog's own string type a `String`, which is a `str` that knows it is no atom.
+An atom is a `str`, a number an `int` or a `float`, a proper list a `list`; another compound term is a
+`Compound`, an unbound variable a `Variable`, and Prolog's own string type a `String`, which is a `str` that
+knows it is no atom.
 """
 
 from __future__ import annotations

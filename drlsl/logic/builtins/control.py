@@ -1,4 +1,4 @@
-"""Control constructs that are called with their arguments as terms: call/N, catch/3, findall/3 and their like."""
+"""Control constructs called with their arguments as terms: call/N, catch/3, findall/3 and their like."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def _finish_findall(machine: Machine, choice: Task) -> Task:
 
 
 def _call_lambda(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    """``Free/[X1, ...]>>Goal`` called with more arguments; variables that are not in `Free` are renamed apart."""
+    """``Free/[X1, ...]>>Goal`` called with more arguments; variables not in `Free` are renamed apart."""
     parameters = deref(args[0])
     renaming: dict[Var, Term] = {}
     if type(parameters) is Struct and parameters.name == "/" and len(parameters.args) == 2:

@@ -35,9 +35,10 @@ def split_clause(term: Term) -> tuple[Term, Term]:
         InstantiationError, PrologTypeError: As assertz/1 does. Source: ISO 13211-1, 8.9.2.3.
     """
     term = deref(term)
-    head, body = term, TRUE
+    head: Term = term
+    body: Term = TRUE
     if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
-        head, body = deref(term.args[0]), deref(term.args[1])  # type: ignore[assignment]  # a body is any term
+        head, body = deref(term.args[0]), deref(term.args[1])
     callable_parts(head)
     check_body(body)
     return head, _with_calls(body)
@@ -102,7 +103,7 @@ def asserta(machine: Machine, term: Term) -> bool:
 def _matching(
     machine: Machine, predicate: Predicate, head: Term, body: Term
 ) -> Iterator[tuple[Clause, bool]]:
-    """Unify with one clause after the other as they were at first; yields each that matches, and if it is the last."""
+    """Unify with each clause that was there at first; yields those that match, and whether it is the last."""
     args = callable_parts(head)[1]
     stored = predicate.stored_clauses()
     candidates = predicate.candidates(deref(args[0])) if args else stored

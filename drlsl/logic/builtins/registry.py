@@ -49,7 +49,8 @@ Det: TypeAlias = Callable[..., bool]
 Nondet: TypeAlias = Callable[..., Iterator[bool | None]]
 _D = TypeVar("_D", bound=Det)
 _N = TypeVar("_N", bound=Nondet)
-# A control construct: a function of the machine, the arguments and the continuation that returns the next task.
+# A control construct: a function of the machine, the arguments and the continuation that returns the next
+# task.
 Control: TypeAlias = Callable[[Any, Any, Any], Any]
 _C = TypeVar("_C", bound=Control)
 Indicator: TypeAlias = tuple[str, int]
@@ -76,8 +77,8 @@ def det(name: str, arity: int) -> Callable[[_D], _D]:
 def nondet(name: str, arity: int) -> Callable[[_N], _N]:
     """Declare a nondeterministic builtin: a generator that yields once for each solution after unifying.
 
-    The machine undoes the bindings before it resumes the generator, and closes it on a cut. Yielding True says
-    that this solution is the last, which spares a choice point.
+    The machine undoes the bindings before it resumes the generator, and closes it on a cut. Yielding True
+    says that this solution is the last, which spares a choice point.
     """
 
     def register(function: _N) -> _N:

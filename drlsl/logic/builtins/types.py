@@ -75,7 +75,7 @@ def functor(machine: Machine, term: Term, name: Term, arity: Term) -> bool:
 
 @nondet("arg", 3)
 def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[bool | None]:
-    """Source: ISO 13211-1, 8.5.2; with the flag `iso` off, a variable as position enumerates the arguments."""
+    """Source: ISO 13211-1, 8.5.2; with the flag `iso` off, a variable enumerates the positions."""
     position, term = deref(position), deref(term)
     if type(position) is Var and machine.flags.iso:
         raise instantiation_error()

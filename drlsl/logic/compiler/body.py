@@ -1,8 +1,8 @@
 """Code for the bodies of clauses, in continuation-passing style.
 
 Goals that need no continuation of their own (tests, arithmetic, unification, deterministic builtins, and the
-conditions and branches made of them) are emitted in place. Any other goal ends the function: it is returned to the
-trampoline as a task, with what follows it as a new function and the variables that this still needs.
+conditions and branches made of them) are emitted in place. Any other goal ends the function: it is returned
+to the trampoline as a task, with what follows it as a new function and the variables that this still needs.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ _GROUPS = {
     "atomic": "in ATOMIC",
     "callable": "in CALLABLE",
 }
-_PURE = frozenset({"==", "\\==", "\\=", "@<", "@>", "@=<", "@>=", "ground", "is_list", "=@=", "subsumes_term"})
+_PURE = frozenset(
+    {"==", "\\==", "\\=", "@<", "@>", "@=<", "@>=", "ground", "is_list", "=@=", "subsumes_term"}
+)
 
 
 @dataclass
@@ -92,7 +94,8 @@ class BodyEmitter:
             rest = goals[index + 1 :]
             goal = deref(goal)
             place.function.about(goal, self._clause, place.scope)
-            if _is_cut(goal) and goal.args[0] is own and place.pending is not None:  # type: ignore[union-attr]  # a cut
+            if _is_cut(goal) and goal.args[0] is own and place.pending is not None:  # type:
+            ignore[union-attr]  # a cut
                 # Nothing has been left to cut but the clauses not tried yet.
                 place.pending = None
                 place.fail = place.give_up
@@ -315,7 +318,7 @@ class BodyEmitter:
             return False
         if len(goal.args) == 1 and goal.name in ("\\+", "not"):
             return self._is_test(goal.args[0])
-        return not goal.name.startswith("$") and self._resolve(goal.name, len(goal.args))[0] == DET
+        return not _is_cut(goal) and self._resolve(goal.name, len(goal.args))[0] == DET
 
     def _inline(self, place: Place, goal: Term, rest: list[Term]) -> None:
         function = place.function
@@ -365,9 +368,7 @@ class BodyEmitter:
         pair = deref(condition_then)
         assert type(pair) is Struct
         following = set(term_variables(make_list(rest)))
-        escaping = [
-            each for each in term_variables(goal) if each not in scope.names and each in following
-        ]
+        escaping = [each for each in term_variables(goal) if each not in scope.names and each in following]
         targets = {variable: function.local("v") for variable in escaping}
         before = scope.copy()
         test = self._test(place, conjuncts(pair.args[0]))
@@ -378,9 +379,7 @@ class BodyEmitter:
         place.scope = before
         place.scope.names.update(targets)
 
-    def _inline_branch(
-        self, place: Place, branch: Term, rest: list[Term], targets: dict[Var, str]
-    ) -> None:
+    def _inline_branch(self, place: Place, branch: Term, rest: list[Term], targets: dict[Var, str]) -> None:
         function = place.function
         function.indent += 1
         goals = conjuncts(branch)
@@ -510,7 +509,7 @@ def conjuncts(body: Term) -> list[Term]:
 
 
 def with_cuts(body: Term, cut: Struct) -> Term:
-    """A body with each cut that belongs to it replaced; the inside of conditions and negations is left alone."""
+    """A body with each cut of its own replaced; the inside of conditions and negations is left alone."""
     body = deref(body)
     if type(body) is Atom:
         return cut if body.name == "!" else body

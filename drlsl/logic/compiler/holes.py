@@ -1,11 +1,13 @@
 """Code that builds a list from its front: a last call fills in the tail of the cell that this call made.
 
-In ``app([H|T], L, [H|R]) :- app(T, L, R)`` the variable `R` only hands the place of the tail on to the next call. If
-the third argument is unbound, that place is a *hole*: the cell is kept in a local, with its head in another, and the
-next round puts the next cell into it. No variable is made, bound, trailed or dereferenced for it.
+In ``app([H|T], L, [H|R]) :- app(T, L, R)`` the variable `R` only hands the place of the tail on to the next
+call. If the third argument is unbound, that place is a *hole*: the cell is kept in a local, with its head in
+another, and the next round puts the next cell into it. No variable is made, bound, trailed or dereferenced
+for it.
 
-A hole is closed before anything can see it: before a clause with alternatives, any goal but a test of numbers or
-types, and the end of the loop. A failure leaves it open, as the binding that leads to the first cell is undone.
+A hole is closed before anything can see it: before a clause with alternatives, any goal but a test of numbers
+or types, and the end of the loop. A failure leaves it open, as the binding that leads to the first cell is
+undone.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ _TESTS = frozenset({"var", "nonvar", "integer", "float", "number", "atom", "atom
 
 
 def open_positions(clauses: Sequence[Clause], key: tuple[str, int]) -> list[int]:
-    """The argument positions at which some clause makes a cell and leaves its tail to a last call of the same."""
+    """The argument positions at which some clause makes a cell and leaves its tail to a last call."""
     return [
         position
         for position in range(1, key[1])
@@ -31,12 +33,13 @@ def open_positions(clauses: Sequence[Clause], key: tuple[str, int]) -> list[int]
 
 
 def keeps_open(clause: Clause, position: int, key: tuple[str, int]) -> bool:
-    """Whether a clause hands the place of its argument, or of that cell's tail, on to a last call and no more."""
+    """Whether a clause only hands the place of its argument, or of that cell's tail, on to a last call."""
     last = _last_call(clause, key)
     if last is None:
         return False
     pattern = deref(clause.args[position])
-    variable = deref(pattern.args[1]) if _extends(clause, position) else pattern  # type: ignore[union-attr]  # a cell
+    extends = _extends(clause, position) and type(pattern) is Struct
+    variable = deref(pattern.args[1]) if extends else pattern  # type: ignore[union-attr]  # a cell
     if type(variable) is not Var or deref(last.args[position]) is not variable:
         return False
     return _occurrences(variable, clause) == 2
@@ -142,7 +145,9 @@ def _emit_cell(function: Function, scope: Scope, pattern: Struct, position: int,
     function.emit(f"{name}.ref = cell; trail.append({name})")
     function.emit(f"{hole} = cell; {lead} = {build(function, scope, head)}")
     function.indent -= 1
-    function.emit(f"elif type({name}) is Struct and {name}.name == {pattern.name!r} and len({name}.args) == 2:")
+    function.emit(
+        f"elif type({name}) is Struct and {name}.name == {pattern.name!r} and len({name}.args) == 2:"
+    )
     function.indent += 1
     part = function.local()
     function.emit(f"{part}, {name} = {name}.args")

@@ -117,7 +117,9 @@ def emit_unify(function: Function, scope: Scope, left: Term, right: Term, fail: 
         if left not in scope.names:
             if type(right) is not Var and left in term_variables(right):
                 ensure(function, scope, (left,))
-                _emit_test(function, f"unify({scope.names[left]}, {build(function, scope, right)}, trail)", fail)
+                _emit_test(
+                    function, f"unify({scope.names[left]}, {build(function, scope, right)}, trail)", fail
+                )
                 return
             expression = build(function, scope, right)
             name = scope.names[left] = function.local("v")

@@ -183,9 +183,7 @@ class _PredicateCompiler:
             function.indent -= 1
             function.emit("continue")
 
-        kept = {
-            position for position in self._holes if keeps_open(clause, position, self._emitter.key)
-        }
+        kept = {position for position in self._holes if keeps_open(clause, position, self._emitter.key)}
         for position, (name, pattern) in enumerate(zip(args, clause.args, strict=True)):
             if position in self._holes:
                 emit_hole(function, scope, clause, position, kept=position in kept, fail=fail)

@@ -31,8 +31,9 @@ class Namespace:
 class Scope:
     """Which variables of a clause are Python locals by now, under which names, and which of them are numbers.
 
-    `names` maps a variable to the local that holds its term. `numbers` maps a variable to the local that holds the
-    value of its term as an expression; `integers` has the names of locals that are sure to be integers.
+    `names` maps a variable to the local that holds its term. `numbers` maps a variable to the local that
+    holds the value of its term as an expression; `integers` has the names of locals that are sure to be
+    integers.
     """
 
     def __init__(
@@ -115,7 +116,6 @@ class Module:
         values["LINES"] = info
         exec(compile("\n".join(text), f"<prolog {self.title}>", "exec"), values)  # noqa: S102  (our own code)
         return values
-
 
 
 def ensure(function: Function, scope: Scope, variables: Iterable[Var]) -> None:
