@@ -4,12 +4,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-RUN ?= runs/quick
 
 .PHONY: train test test-all check clean
 
 train: $(READY)
-	$(BIN)/drlsl train --preset quick --out $(RUN)
+	$(BIN)/drlsl train --preset quick
 
 test: $(READY)
 	$(BIN)/pytest -n 2 -m "not slow"
