@@ -1,4 +1,4 @@
-"""What the name and arity of a goal stand for: a predicate of the program, a builtin, or one of the library."""
+"""What a goal's name and arity stand for: a predicate of the program, a builtin, or one of the library."""
 
 from __future__ import annotations
 
@@ -85,8 +85,7 @@ class Library:
                 else:
                     head, body = term, TRUE
                 clause = Clause(head, body, read.span, read.variables)
-                self.program.get(head.name, len(clause.args)).append(clause)  # type: ignore[union-attr]  # a
-                head
+                self.program.get(head.name, len(clause.args)).append(clause)  # type: ignore[union-attr]
             self._loaded.add(path)
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:

@@ -146,8 +146,7 @@ class Predicate:
             index = self._build_index()
         kind = type(first)
         if kind is Struct:
-            return index.get((first.name, len(first.args)), self._others)  # type: ignore[union-attr]  # kind
-            says so
+            return index.get((first.name, len(first.args)), self._others)  # type: ignore[union-attr]
         if kind is Var:
             return clauses
         if kind is float or kind is str:

@@ -214,9 +214,9 @@ _RANK = {Var: 0, float: 1, int: 1, Atom: 3, str: 4, Struct: 5}
 def compare(left: Term, right: Term, *, iso: bool = True) -> int:
     """The standard order of terms: -1, 0 or 1.
 
-    Variables precede numbers, then atoms, strings, and compound terms by arity, name and arguments. With `iso`
-    every float precedes every integer; without, numbers compare by value and a float precedes the equal
-    integer. Source: ISO 13211-1, 7.2.
+    Variables precede numbers, then atoms, strings, and compound terms by arity, name and arguments. With
+    `iso` every float precedes every integer; without, numbers compare by value and a float precedes the
+    equal integer. Source: ISO 13211-1, 7.2.
     """
     todo: list[Term] = []
     while True:

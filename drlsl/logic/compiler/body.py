@@ -94,8 +94,7 @@ class BodyEmitter:
             rest = goals[index + 1 :]
             goal = deref(goal)
             place.function.about(goal, self._clause, place.scope)
-            if _is_cut(goal) and goal.args[0] is own and place.pending is not None:  # type:
-            ignore[union-attr]  # a cut
+            if place.pending is not None and type(goal) is Struct and _is_cut(goal) and goal.args[0] is own:
                 # Nothing has been left to cut but the clauses not tried yet.
                 place.pending = None
                 place.fail = place.give_up
