@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 
 from drlsl.logic.arithmetic import evaluate
@@ -11,7 +12,7 @@ from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.strings import text
 from drlsl.logic.builtins.termio import emit, output_stream, pending_line, sink_maker
 from drlsl.logic.builtins.text import any_text
-from drlsl.logic.errors import PrologError, existence_error
+from drlsl.logic.errors import PrologError, error_from_term, existence_error, instantiation_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 from drlsl.logic.writer import format_integer, format_term
 
@@ -49,6 +50,24 @@ def formatted(machine: Machine, template: Term, arguments: Term, column: int) ->
 
 def _format_error(message: str) -> PrologError:
     return PrologError(Struct("error", (Struct("format", (message,)), Var())))
+
+
+@det("print_message", 2)
+def print_message(machine: Machine, kind: Term, message: Term) -> bool:
+    """Write a message to ``user_error``; ``silent`` ones and those of loading are dropped."""
+    level, what = deref(kind), deref(message)
+    if isinstance(level, Var):
+        raise instantiation_error()
+    prefixes = {"error": "ERROR: ", "warning": "Warning: ", "informational": "% ", "information": "% "}
+    if not isinstance(level, Atom) or level.name not in (*prefixes, "help", "banner"):
+        return True
+    if isinstance(what, Struct) and what.name == "format" and len(what.args) == 2:
+        body = formatted(machine, what.args[0], what.args[1], 0)
+    elif isinstance(what, Struct) and what.name == "error" and len(what.args) == 2:
+        body = str(error_from_term(what))
+    else:
+        body = format_term(what, machine.operators, quoted=True, numbervars=True)
+    return emit(machine, prefixes.get(level.name, "") + body + "\n", sys.stderr)
 
 
 class _Format:

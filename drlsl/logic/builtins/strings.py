@@ -156,6 +156,13 @@ def string_concat(machine: Machine, first: Term, second: Term, whole: Term) -> I
     return _concat(machine, first, second, whole, _string)
 
 
+@nondet("text_concat", 3)
+def text_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Iterator[bool]:
+    """As string_concat/3; the result is a string only if one of the arguments is."""
+    string = any(isinstance(deref(part), str) for part in (first, second, whole))
+    return _concat(machine, first, second, whole, _string if string else Atom)
+
+
 @nondet("sub_string", 5)
 def sub_string(
     machine: Machine, string: Term, before: Term, length: Term, after: Term, sub: Term

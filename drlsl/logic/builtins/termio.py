@@ -394,6 +394,16 @@ _declare_read("read", 1)
 _declare_read("read_term", 2)
 
 
+@det("at_end_of_stream", 0)
+def at_end_of_stream(machine: Machine) -> bool:
+    return not _input(machine).peek()
+
+
+@det("at_end_of_stream", 1)
+def at_end_of(machine: Machine, stream: Term) -> bool:
+    return not _input(machine, stream).peek()
+
+
 def _declare_character(name: str, take: bool, code: bool) -> None:
     def next_term(source: Input) -> Term:
         char = source.take() if take else source.peek()

@@ -1,0 +1,152 @@
+"""Checks of arguments, clocks and what else SWI-Prolog programs take for granted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+from drlsl.logic.builtins.arguments import atom, integer, items, prefix
+from drlsl.logic.builtins.registry import Machine, det
+from drlsl.logic.builtins.text import any_text, is_character, is_code
+from drlsl.logic.errors import (
+    PrologError,
+    domain_error,
+    error_from_term,
+    existence_error,
+    instantiation_error,
+    type_error,
+)
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import compare, term_variables
+
+
+def _is_list(term: Term) -> bool:
+    return prefix(term)[1] is NIL
+
+
+_TYPES: Final[dict[str, Callable[[Term], bool]]] = {
+    "any": lambda term: True,
+    "atom": lambda term: isinstance(term, Atom),
+    "atomic": lambda term: not isinstance(term, Struct),
+    "boolean": lambda term: isinstance(term, Atom) and term.name in ("true", "false"),
+    "bool": lambda term: isinstance(term, Atom) and term.name in ("true", "false"),
+    "callable": lambda term: isinstance(term, (Atom, Struct)),
+    "char": is_character,
+    "code": is_code,
+    "compound": lambda term: isinstance(term, Struct),
+    "float": lambda term: isinstance(term, float),
+    "ground": lambda term: not term_variables(term),
+    "integer": lambda term: isinstance(term, int),
+    "list": _is_list,
+    "proper_list": _is_list,
+    "list_or_partial": lambda term: prefix(term)[1] is NIL or isinstance(prefix(term)[1], Var),
+    "number": lambda term: isinstance(term, (int, float)),
+    "string": lambda term: isinstance(term, str),
+    "symbol": lambda term: isinstance(term, Atom),
+    "text": lambda term: any_text(term) is not None,
+}
+_LEAST: Final = {"nonneg": 0, "positive_integer": 1}
+
+
+@det("must_be", 2)
+def must_be(machine: Machine, kind: Term, term: Term) -> bool:
+    """Succeed where a term is of a type, else raise the error that says what is wrong."""
+    kind, term = deref(kind), deref(term)
+    if isinstance(kind, Var):
+        raise instantiation_error()
+    if isinstance(kind, Struct):
+        return _must_fit(machine, kind, term)
+    name = kind.name if isinstance(kind, Atom) else ""
+    if isinstance(term, Var) and name not in ("any", "list_or_partial"):
+        raise instantiation_error()
+    if name in _LEAST:
+        if not isinstance(term, int):
+            raise type_error("integer", term)
+        if term < _LEAST[name]:
+            raise type_error(name, term)
+        return True
+    if name not in _TYPES:
+        raise existence_error("type", kind)
+    if not _TYPES[name](term):
+        raise type_error(name, term)
+    return True
+
+
+def _must_fit(machine: Machine, kind: Struct, term: Term) -> bool:
+    """oneof(List), between(Low, High), list(Type), list_of(Type)"""
+    if kind.name in ("list", "list_of") and len(kind.args) == 1:
+        return all(must_be(machine, kind.args[0], element) for element in items(term))
+    if isinstance(term, Var):
+        raise instantiation_error()
+    if kind.name == "oneof" and len(kind.args) == 1:
+        if not any(compare(term, choice) == 0 for choice in items(kind.args[0])):
+            raise _outside(kind, term)
+        return True
+    if kind.name == "between" and len(kind.args) == 2:
+        low, high = (deref(bound) for bound in kind.args)
+        if not isinstance(low, (int, float)) or not isinstance(high, (int, float)):
+            raise type_error("number", low if not isinstance(low, (int, float)) else high)
+        if not isinstance(term, (int, float)):
+            raise type_error("integer" if isinstance(low, int) and isinstance(high, int) else "number", term)
+        if not low <= term <= high:
+            raise _outside(kind, term)
+        return True
+    raise existence_error("type", kind)
+
+
+def _outside(domain: Struct, culprit: Term) -> PrologError:
+    """A domain error whose domain is a compound term."""
+    return error_from_term(Struct("error", (Struct("domain_error", (domain, culprit)), Var())))
+
+
+@det("statistics", 2)
+def statistics(machine: Machine, key: Term, value: Term) -> bool:
+    """Times in ms, in all and since they were last asked for; ``cputime`` in s."""
+    name = atom(key).name
+    if name in ("cputime", "process_cputime"):
+        return machine.unify(value, time.process_time())
+    clocks = {
+        "runtime": time.process_time,
+        "process_runtime": time.process_time,
+        "walltime": time.monotonic,
+        "real_time": time.time,
+    }
+    if name not in clocks:
+        raise domain_error("statistics_key", Atom(name))
+    now = clocks[name]() if name == "real_time" else 1000 * clocks[name]()
+    before = machine.state.get(f"statistics {name}", now)
+    machine.state[f"statistics {name}"] = now
+    return machine.unify(value, make_list([round(now), round(now - before)]))
+
+
+@det("get_time", 1)
+def get_time(machine: Machine, now: Term) -> bool:
+    return machine.unify(now, time.time())
+
+
+@det("garbage_collect", 0)
+def garbage_collect(_machine: Machine) -> bool:
+    """Python collects by itself."""
+    return True
+
+
+@det("style_check", 1)
+def style_check(_machine: Machine, _style: Term) -> bool:
+    """The loader always warns."""
+    return True
+
+
+@det("numbervars", 3)
+def numbervars(machine: Machine, term: Term, start: Term, end: Term) -> bool:
+    """Bind the variables of a term to ``'$VAR'(N)``."""
+    number = integer(start)
+    for variable in term_variables(term):
+        machine.unify(variable, Struct("$VAR", (number,)))
+        number += 1
+    return machine.unify(end, number)
+
+
+@det("numbervars", 1)
+def numbervars_from_zero(machine: Machine, term: Term) -> bool:
+    return numbervars(machine, term, 0, Var())
