@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from drlsl.cli import data, evaluate, query, stress, train
+from drlsl.cli import data, evaluate, query, rules, stress, train
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 
@@ -29,6 +29,7 @@ app.command("eval")(evaluate.evaluate)
 app.command()(query.query)
 app.command()(stress.stress)
 app.add_typer(data.app, name="data")
+app.add_typer(rules.app, name="rules")
 
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")

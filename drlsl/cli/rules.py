@@ -1,0 +1,140 @@
+"""`drlsl rules`: what a rule program is made of, before it drives."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from drlsl.logic import Engine
+    from drlsl.logic.lowering.check import PredicateReport, Report
+    from drlsl.logic.lowering.lower import Query
+
+app = typer.Typer(help="Check rule programs and show the code they become.", no_args_is_help=True)
+
+Files = Annotated[
+    list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
+]
+
+
+class Tier(StrEnum):
+    """The kinds of generated code."""
+
+    SCALAR = "scalar"
+    NUMPY = "numpy"
+
+
+@app.command()
+def check(files: Files = None) -> None:
+    """Say which tiers can run each predicate, and what looks wrong; the status is 1 where something does."""
+    from drlsl.driving.lowered import LANE, SCHEMA
+    from drlsl.driving.shield import REQUIRED
+    from drlsl.logic.lowering.check import check_program
+
+    engine = _load(files)
+    report = check_program(engine, SCHEMA, [*REQUIRED, (LANE.name, LANE.arity)])
+    _print_report(report)
+    if report.findings:
+        raise typer.Exit(1)
+
+
+def _print_report(report: Report) -> None:
+    refused = [predicate for predicate in report.predicates if predicate.refused is not None]
+    lowered = [predicate for predicate in report.predicates if predicate.refused is None]
+    print(f"{len(lowered)} of {len(report.predicates)} predicates run in every tier")
+    _print_wrapped(predicate.indicator for predicate in lowered)
+    if refused:
+        print(f"\ninterpreter only: {len(refused)}")
+        for predicate in refused:
+            print(f"  {predicate.indicator}  {predicate.refused}")
+    notes = list(_notes(lowered))
+    if notes:
+        print("\nrun in every tier as a part of other answers, but cannot be asked for everywhere")
+        print("\n".join(notes))
+    if report.uncalled:
+        print("\nno rule calls these, and driving does not ask for them")
+        _print_wrapped(report.uncalled)
+    print(f"\n{len(report.findings)} findings" if report.findings else "\nnothing looks wrong")
+    for finding in report.findings:
+        print(f"  {'error' if finding.error else 'warning'}  {finding}")
+
+
+def _notes(predicates: Iterable[PredicateReport]) -> Iterator[str]:
+    for predicate in predicates:
+        if predicate.scalar_answer is not None:
+            yield f"  {predicate.indicator}  scalar, numpy: {predicate.scalar_answer}"
+        elif predicate.array_answer is not None:
+            yield f"  {predicate.indicator}  numpy: {predicate.array_answer}"
+
+
+def _print_wrapped(words: Iterable[str]) -> None:
+    text = textwrap.fill(
+        " ".join(words), 100, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False
+    )
+    print(text)
+
+
+@app.command()
+def show(
+    files: Files = None,
+    tier: Annotated[Tier, typer.Option("--tier", help="Which code to print.")] = Tier.SCALAR,
+    goals: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--query",
+            metavar="NAME/ARITY",
+            help="What it answers, instead of what driving asks; may be given again.",
+        ),
+    ] = None,
+) -> None:
+    """Print the code that a rule program becomes."""
+    from drlsl.driving.lowered import FREE, LANE, SCHEMA, SPEED, STATE
+    from drlsl.errors import UserError
+    from drlsl.logic.lowering.errors import NotLowerable
+    from drlsl.logic.lowering.lower import Query, lower
+
+    engine = _load(files)
+    asked = (Query("safe_actions", 1, "set"), FREE, SPEED, STATE, LANE)
+    queries = [_query(goal) for goal in goals or ()]
+    queries = queries or [query for query in asked if engine.defines(query.name, query.arity)]
+    try:
+        lowered = lower(engine, SCHEMA, queries)
+        if tier is Tier.SCALAR:
+            from drlsl.logic.lowering.scalar import scalar_source
+
+            print(scalar_source(lowered))
+        else:
+            from drlsl.logic.lowering.arrays import ArrayPrinter
+
+            print(ArrayPrinter(lowered).module())
+    except NotLowerable as reason:
+        raise UserError(f"{reason}; the interpreter runs it, see drlsl rules check") from reason
+
+
+def _query(goal: str) -> Query:
+    from drlsl.errors import UserError
+    from drlsl.logic.lowering.lower import Query
+
+    name, _, arity = goal.rpartition("/")
+    if not name or not arity.isdigit():
+        raise UserError(f"--query {goal}: expected NAME/ARITY, such as left_is_safe/0")
+    return Query(name, int(arity), "first" if int(arity) else "holds")
+
+
+def _load(files: list[Path] | None) -> Engine:
+    from drlsl.driving.shield import default_rules
+    from drlsl.errors import UserError
+    from drlsl.logic import Engine
+
+    engine = Engine()
+    for path in files or default_rules():
+        try:
+            engine.consult(path)
+        except OSError as error:
+            raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+    return engine

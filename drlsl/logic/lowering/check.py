@@ -1,0 +1,226 @@
+"""What can be said of a rule program before it runs: which tier runs each predicate, and what looks wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from drlsl.logic.engine import Engine
+from drlsl.logic.linking import builtin, library
+from drlsl.logic.lowering.arrays import ArrayPrinter
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.schema import Schema
+from drlsl.logic.program import Clause, Predicate
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.unify import subsumes, term_variables
+
+Indicator = tuple[str, int]
+
+# The arguments of control constructs and builtins that are goals, with what is called behind them.
+_GOALS: Final[dict[Indicator, tuple[int, ...]]] = {
+    (",", 2): (0, 1),
+    (";", 2): (0, 1),
+    ("|", 2): (0, 1),
+    ("->", 2): (0, 1),
+    ("*->", 2): (0, 1),
+    ("\\+", 1): (0,),
+    ("not", 1): (0,),
+    ("once", 1): (0,),
+    ("ignore", 1): (0,),
+    ("call", 1): (0,),
+    ("forall", 2): (0, 1),
+    ("findall", 3): (1,),
+    ("findall", 4): (1,),
+    ("bagof", 3): (1,),
+    ("setof", 3): (1,),
+    ("aggregate_all", 3): (1,),
+    ("aggregate_all", 4): (2,),
+    ("catch", 3): (0, 2),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that looks wrong: where, and what. An `error` will raise or be wrong when it is reached."""
+
+    place: str
+    message: str
+    error: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.message}"
+
+
+@dataclass(frozen=True, slots=True)
+class PredicateReport:
+    """Where a predicate can run besides the interpreter, which runs every one.
+
+    `refused` says why generated code cannot run it, None where it can. `scalar_answer` and `array_answer` say
+    why its arguments cannot be asked for in that form; it can still be a part of other answers.
+    """
+
+    name: str
+    arity: int
+    place: str
+    refused: str | None = None
+    scalar_answer: str | None = None
+    array_answer: str | None = None
+
+    @property
+    def indicator(self) -> str:
+        """Name and arity as people write them."""
+        return f"{self.name}/{self.arity}"
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What `check_program` found: every predicate, what looks wrong, and what no rule calls."""
+
+    predicates: tuple[PredicateReport, ...]
+    findings: tuple[Finding, ...]
+    uncalled: tuple[str, ...]
+
+
+def check_program(engine: Engine, schema: Schema, asked: Iterable[Indicator] = ()) -> Report:
+    """Check a loaded program; `asked` are the predicates that are called from outside."""
+    rules = [
+        predicate
+        for key, predicate in engine.program.predicates.items()
+        if key not in schema.relations and predicate.clauses
+    ]
+    findings = [Finding(warning.place, warning.message) for warning in engine.warnings]
+    for predicate in rules:
+        findings.extend(_unreachable(predicate))
+        for clause in predicate.clauses:
+            findings.extend(_undefined(engine, schema, clause))
+            findings.extend(_floundering(clause))
+    called = {key for predicate in rules for clause in predicate.clauses for key in _called(clause.body)}
+    uncalled = [p.indicator for p in rules if p.indicator not in called and p.indicator not in set(asked)]
+    return Report(
+        tuple(_tiers(engine, schema, predicate) for predicate in rules),
+        tuple(findings),
+        tuple(f"{name}/{arity}" for name, arity in uncalled),
+    )
+
+
+# ---------------------------------------------------------------- tiers
+
+
+def _tiers(engine: Engine, schema: Schema, predicate: Predicate) -> PredicateReport:
+    name, arity = predicate.indicator
+    place = _place(predicate.clauses[0])
+    try:
+        lower(engine, schema, [Query(name, arity, "holds")])
+    except NotLowerable as refusal:
+        reason = f"{refusal.span}: {refusal.reason}" if refusal.span is not None else refusal.reason
+        return PredicateReport(name, arity, place, refused=reason)
+    if arity == 0:
+        return PredicateReport(name, arity, place)
+    try:
+        lowered = lower(engine, schema, [Query(name, arity, "first")])
+    except NotLowerable as refusal:
+        return PredicateReport(name, arity, place, scalar_answer=refusal.reason, array_answer=refusal.reason)
+    try:
+        ArrayPrinter(lowered)
+    except NotLowerable as refusal:
+        return PredicateReport(name, arity, place, array_answer=refusal.reason)
+    return PredicateReport(name, arity, place)
+
+
+# ---------------------------------------------------------------- what looks wrong
+
+
+def _place(clause: Clause) -> str:
+    return str(clause.span) if clause.span is not None else "asserted"
+
+
+def _goals(body: Term) -> Iterator[tuple[Indicator, Term]]:
+    """The goals of a body, those inside others included."""
+    body = deref(body)
+    if isinstance(body, Atom):
+        yield (body.name, 0), body
+    elif isinstance(body, Struct):
+        key = (body.name, len(body.args))
+        yield key, body
+        for place in _GOALS.get(key, ()):
+            yield from _goals(_without_carets(body.args[place]))
+        if body.name == "call" and len(body.args) > 1:
+            called = deref(body.args[0])
+            if isinstance(called, Atom | Struct):
+                inner = called.args if isinstance(called, Struct) else ()
+                yield (called.name, len(inner) + len(body.args) - 1), body
+
+
+def _without_carets(goal: Term) -> Term:
+    goal = deref(goal)
+    while isinstance(goal, Struct) and goal.name == "^" and len(goal.args) == 2:
+        goal = deref(goal.args[1])
+    return goal
+
+
+def _called(body: Term) -> Iterator[Indicator]:
+    for key, _ in _goals(body):
+        yield key
+
+
+def _undefined(engine: Engine, schema: Schema, clause: Clause) -> Iterator[Finding]:
+    for name, arity in dict.fromkeys(_called(clause.body)):
+        known = (
+            engine.program.find(name, arity) is not None
+            or (name, arity) in schema.relations
+            or (name, arity) in _GOALS
+            or name in ("!", "call")
+            or builtin(name, arity) is not None
+            or library().find(name, arity) is not None
+        )
+        if not known:
+            yield Finding(_place(clause), f"{name}/{arity} is not defined", error=True)
+
+
+def _unreachable(predicate: Predicate) -> Iterator[Finding]:
+    clauses: Sequence[Clause] = predicate.clauses
+    for number, clause in enumerate(clauses):
+        for earlier in clauses[:number]:
+            if _cuts_at_once(earlier) and subsumes(earlier.head, clause.head):
+                message = f"this clause of {predicate.name}/{predicate.arity} is never reached: the one at "
+                yield Finding(_place(clause), f"{message}{_place(earlier)} cuts it off")
+                break
+
+
+def _cuts_at_once(clause: Clause) -> bool:
+    body = deref(clause.body)
+    while isinstance(body, Struct) and body.name == "," and len(body.args) == 2:
+        body = deref(body.args[0])
+    return isinstance(body, Atom) and body.name == "!"
+
+
+def _floundering(clause: Clause) -> Iterator[Finding]:
+    """Negations of goals with a variable that only a later goal binds."""
+    bound = set(term_variables(clause.head))
+    goals = list(_conjunction(clause.body))
+    for number, goal in enumerate(goals):
+        later = {variable for other in goals[number + 1 :] for variable in term_variables(other)}
+        if isinstance(goal, Struct) and goal.name in ("\\+", "not") and len(goal.args) == 1:
+            loose = [
+                variable for variable in term_variables(goal) if variable not in bound and variable in later
+            ]
+            for variable in loose:
+                message = f"{_name(clause, variable)} is unbound in this negation and bound only behind it"
+                yield Finding(_place(clause), message)
+        else:
+            bound.update(term_variables(goal))
+
+
+def _conjunction(body: Term) -> Iterator[Term]:
+    body = deref(body)
+    if isinstance(body, Struct) and body.name == "," and len(body.args) == 2:
+        for arg in body.args:
+            yield from _conjunction(arg)
+    else:
+        yield body
+
+
+def _name(clause: Clause, variable: Var) -> str:
+    return next((name for name, known in clause.names.items() if known is variable), "a variable")

@@ -1,0 +1,118 @@
+"""`check_program` and the `drlsl rules` commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from drlsl.cli import run
+from drlsl.logic import Engine
+from drlsl.logic.lowering.check import Report, check_program
+from drlsl.logic.lowering.schema import Relation, Schema
+
+SCHEMA = Schema([Relation("car", ("atom", "float"), key=0), Relation("limit", ("float",), single=True)])
+
+
+def report(text: str, *asked: tuple[str, int]) -> Report:
+    engine = Engine()
+    engine.consult_text(text, "rules.pl")
+    return check_program(engine, SCHEMA, asked)
+
+
+def findings(text: str) -> list[str]:
+    return [str(finding) for finding in report(text).findings]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("p(X) :- car(X, _), fast(X).", ["rules.pl:1: fast/1 is not defined"]),
+        ("p(X) :- car(X, _), \\+ ( fast(X) ; limit(2.0) ).", ["rules.pl:1: fast/1 is not defined"]),
+        ("p(N) :- aggregate_all(count, fast(_), N).", ["rules.pl:1: fast/1 is not defined"]),
+        ("p(X) :- car(X, _), call(fast, X).", ["rules.pl:1: fast/1 is not defined"]),
+        ("p(X) :- findall(Y, Z^car(Y, Z), X).", []),
+        ("p(X) :- member(X, [1]), atom_length(X, _), exclude(q, [], _). q(_).", []),
+        ("p(X) :- car(X, Y).", ["rules.pl:1: singleton variable: Y"]),
+        (
+            "p(X) :- !, limit(X).\np(1.0).",
+            ["rules.pl:2: this clause of p/1 is never reached: the one at rules.pl:1 cuts it off"],
+        ),
+        ("p(1.0) :- !.\np(X) :- limit(X).", []),
+        ("p(X) :- limit(X), !.\np(1.0).", []),
+        (
+            "p(X) :- \\+ car(X, 1.0), car(Y, _), Y = X. q(X) :- \\+ car(Y, _), car(Y, X).",
+            ["rules.pl:1: Y is unbound in this negation and bound only behind it"],
+        ),
+        ("p :- \\+ car(_, 1.0), \\+ ( car(X, Y), Y > 2.0, X \\== ego ).", []),
+    ],
+)
+def test_findings(text: str, expected: list[str]) -> None:
+    assert findings(text) == expected
+
+
+def test_tiers_of_each_predicate() -> None:
+    text = (
+        "near(C, X) :- car(C, X), limit(L), X < L.\n"
+        "pair(f(C)) :- near(C, _).\n"
+        "loose(_) :- near(_, _).\n"
+        "shout(X) :- write(X).\n"
+        "all(X) :- shout(X).\n"
+    )
+    found = {predicate.indicator: predicate for predicate in report(text).predicates}
+    assert (found["near/2"].refused, found["near/2"].array_answer) == (None, None)
+    assert found["pair/1"].refused is None
+    assert found["pair/1"].scalar_answer is None
+    assert found["pair/1"].array_answer is not None
+    assert found["loose/1"].scalar_answer == "its answer holds an unbound variable"
+    assert found["shout/1"].refused == found["all/1"].refused == "rules.pl:4: it calls write/1"
+
+
+def test_what_no_rule_calls() -> None:
+    text = "p :- q. q :- \\+ r. r :- limit(1.0). s :- p."
+    assert report(text, ("s", 0)).uncalled == ()
+    assert report(text).uncalled == ("s/0",)
+
+
+def test_the_rules_that_ship_look_right(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("highway.pl", "paper.pl"):
+        assert run(["rules", "check", str(Path(__file__).parents[2] / "rules" / name)]) == 0
+        out = capsys.readouterr().out
+        assert "nothing looks wrong" in out
+        assert "interpreter only" not in out
+
+
+def test_check_says_what_is_wrong_and_exits_with_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rules = tmp_path / "mine.pl"
+    rules.write_text("safe_actions(X) :- nowhere(X).\nnoise(X) :- write(X).\n", encoding="utf-8")
+    assert run(["rules", "check", str(rules)]) == 1
+    out = capsys.readouterr().out
+    assert f"error  {rules}:1: nowhere/1 is not defined" in out
+    assert f"noise/1  {rules}:2: it calls write/1" in out
+
+
+@pytest.mark.parametrize("tier", ["scalar", "numpy"])
+def test_show_prints_code_that_compiles(tier: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["rules", "show", "--tier", tier]) == 0
+    source = capsys.readouterr().out
+    compile(source, "shown", "exec")
+    assert source.startswith("def answer(")
+    assert "gap" in source
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["show", "--query", "left_is_safe"], "expected NAME/ARITY"),
+        (["show", "--query", "nobody/0"], "does not define it"),
+        (["show", "nofile.pl"], "cannot read the rule file nofile.pl"),
+        (["show", "--tier", "gpu"], "gpu"),
+    ],
+)
+def test_mistakes_on_the_command_line(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["rules", *arguments]) == 2
+    assert message in capsys.readouterr().err
