@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 from drlsl.logic.operators import Operators
 from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.logic.tokens import Span
+from drlsl.logic.unify import term_variables
 from drlsl.logic.writer import format_term
 
 Shown: TypeAlias = "str | int | float"
@@ -152,14 +153,14 @@ def _short(number: float) -> float:
 
 
 def shown(term: Term, operators: Operators, labels: Mapping[int, str]) -> str:
-    """A term for people: quoted, its floats rounded, its depth bounded."""
+    """A term for people: quoted, its floats rounded, its depth bounded, variables without a name as ``_``."""
     return format_term(
         _with_short_floats(term, 0),
         operators,
         quoted=True,
         numbervars=True,
         max_depth=_TERM_DEPTH,
-        variable_names=labels,
+        variable_names={id(variable): labels.get(id(variable), "_") for variable in term_variables(term)},
     )
 
 
