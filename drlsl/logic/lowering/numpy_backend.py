@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
@@ -117,6 +117,11 @@ class ArrayProgram:
     def atom(self, code: int) -> str:
         """The atom that an integer stands for."""
         return list(self._codes)[code]
+
+    @property
+    def reads(self) -> Collection[tuple[str, int]]:
+        """The relations that the program reads, by name and arity."""
+        return self._columns.keys()
 
     def table(self, name: str, arity: int, rows: Rows) -> Table:
         """The rows of a relation made ready, for facts that stay the same from call to call.
@@ -409,7 +414,7 @@ class Ops:
 
     def least(self, mask: Mask, value: Array, axis: int) -> Array:
         """The least value of the rows that are marked."""
-        if mask.ndim == 2 and mask.shape == value.shape and 8 * np.count_nonzero(mask) < mask.size:
+        if mask.ndim == 2 and mask.shape == np.shape(value) and 8 * np.count_nonzero(mask) < mask.size:
             rows = self.select(mask)
             return rows.least(None, rows.gather(value))
         result: Array = np.minimum.reduce(np.where(mask, value, _highest(value)), axis=axis)
