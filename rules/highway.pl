@@ -232,10 +232,10 @@ side_objection(Side, too_close(Car, Gap, Needed)) :- obstacle(Side, Car, Gap, Ne
 % -------------------------------------------------------------------------------------- giving up a lane change
 
 % lane_to_keep(Lane): the lane that lane_keeping steers for: the target lane, or, while the ego's centre has not left the
-% lane it came from, that lane again if somebody moves into the way.
+% lane it came from, that lane again if somebody moves into the way and nobody is beside the ego there.
 lane_to_keep(Home) :-
     lane(ego, Home), target_lane(Target), Target \== Home,
-    side_lane(Side, Target), pressing(Side, _), \+ pressing(home, _), !.
+    side_lane(Side, Target), pressing(Side, _), \+ beside(home, _), !.
 lane_to_keep(Target) :- target_lane(Target).
 
 % pressing(Side, Car): Car is in the way of Side and will be alongside before a lane change is over.
@@ -243,6 +243,9 @@ pressing(Side, Car) :-
     target_vehicle(Car), in_way(Car, Side),
     gap(Car, Gap), closing_speed(Car, V), lane_change_time(T), standstill_gap(D),
     Gap < D + V * T.
+
+% beside(Side, Car): Car is in the way of Side, alongside or nearly so.
+beside(Side, Car) :- target_vehicle(Car), in_way(Car, Side), gap(Car, Gap), standstill_gap(D), Gap < D.
 
 % closing_speed(Car, V): how fast the gap between Car and the ego shrinks; 0 where it grows.
 closing_speed(Car, V) :- offset(Car, S), S >= 0.0, speed(ego, V1), speed(Car, V2), V is max(0.0, V1 - V2).

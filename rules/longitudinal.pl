@@ -30,6 +30,11 @@ following_acceleration(Car, A) :-
     braking_needed(Gap, V1, V2, Needed), rear_braking(Sure),
     ( Needed > Sure -> A is min(Wanted, -Needed) ; A = Wanted ).
 
+% A vehicle alongside whose centre is ahead, and that comes into the ego's way, is let in.
+following_acceleration(Car, A) :-
+    target_vehicle(Car), offset(Car, S), S > 0.0, place(alongside, Car, _), in_way(Car, own),
+    rear_braking(B), A is -B.
+
 % braking_needed(Gap, V1, V2, B): the braking by which the ego, one time step from now, stops behind a leader that brakes at
 % its hardest from now on. Until it needs the braking that the ego is sure to reach, there is time to give way gently.
 braking_needed(Gap, V1, V2, B) :-

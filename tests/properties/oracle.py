@@ -144,9 +144,12 @@ class Oracle:
                 return True
         return False
 
+    def beside(self, side: str) -> bool:
+        return any(self.in_way(car, side) and self.gap(car) < STANDSTILL for car in self.targets())
+
     def lane_to_keep(self) -> int:
         for side in ("left", "right"):
-            if self.side_lane(side) == self.target and self.pressing(side) and not self.pressing("home"):
+            if self.side_lane(side) == self.target and self.pressing(side) and not self.beside("home"):
                 return self.lane.id
         return self.target.id
 
@@ -165,6 +168,9 @@ class Oracle:
             braking = own * own / (2 * room) if room > 0 else road.braking_limit
             if braking > REAR_BRAKING:
                 wanted.append(-braking)
+        for car in self.targets():
+            if self.offset(car) > 0 and self.place(car) == "alongside" and self.in_way(car, "own"):
+                wanted.append(-REAR_BRAKING)
         return max(-road.braking_limit, min(road.acceleration_limit, min(wanted)))
 
     def target_speed(self) -> float:

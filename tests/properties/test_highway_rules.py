@@ -70,6 +70,7 @@ def test_sides(shield: Shield, scene: Scene) -> None:
             (car.id, oracle.gap(car), oracle.needed_gap(car)) for car in oracle.obstacles(side)
         ]
         assert bool(ask(shield, scene, f"pressing({side}, Car)")) == oracle.pressing(side)
+        assert bool(ask(shield, scene, f"beside({side}, Car)")) == oracle.beside(side)
     assert bool(ask(shield, scene, "settled")) == oracle.settled
 
 
