@@ -9,9 +9,11 @@ from typing import Any
 
 import typer
 
-from drlsl.cli import data, evaluate, query, rules, stress, train
+from drlsl.cli import bench, data, evaluate, query, rules, stress, train
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
+
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them is slow
 
 CLICK_ERROR: Any = typer.BadParameter.__mro__[2]
 """ClickException, the base of everything that a command line can get wrong; Typer does not export it."""
@@ -30,10 +32,7 @@ app.command()(query.query)
 app.command()(stress.stress)
 app.add_typer(data.app, name="data")
 app.add_typer(rules.app, name="rules")
-
-
-os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-# Looking for plug-ins that nobody uses takes a tenth of the time in which `drlsl query` has to answer.
+app.add_typer(bench.app, name="bench")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
