@@ -29,6 +29,10 @@ def query(
         str | None,
         typer.Option("--goal", metavar="GOAL", help="Run this goal in the scene and print its solutions."),
     ] = None,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Print the proof of every safe action, and why the others have none."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print which actions are safe in a scene, what speaks against the others, and the target speed."""
@@ -40,6 +44,9 @@ def query(
     if goal is not None:
         shield.state_facts(scene)
         _print_solutions(shield, goal, as_json=as_json)
+    elif explain:
+        shield.state_facts(scene)
+        _print_explanations(shield, as_json=as_json)
     else:
         _print_decision(shield, scene, as_json=as_json)
 
@@ -63,6 +70,17 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
             ", ".join(f"{name} = {shield.engine.format(value)}" for name, value in solution.items())
             or "true."
         )
+
+
+def _print_explanations(shield: Shield, *, as_json: bool) -> None:
+    from drlsl.driving.actions import ATOMS
+    from drlsl.driving.shield import LIMITS
+
+    found = {atom: shield.engine.explain(f"safe_actions({atom})", limits=LIMITS) for atom in ATOMS}
+    if as_json:
+        print(json.dumps({atom: explanation.to_dict() for atom, explanation in found.items()}, indent=2))
+    else:
+        print("\n\n".join(explanation.text() for explanation in found.values()))
 
 
 def _plain(value: object) -> Any:

@@ -116,6 +116,15 @@ def show(
         raise UserError(f"{reason}; the interpreter runs it, see drlsl rules check") from reason
 
 
+@app.command()
+def shell(files: Files = None) -> None:
+    """Ask a rule program questions: goals, explanations, loading again what was changed."""
+    from drlsl.cli.shell import run_shell
+    from drlsl.driving.shield import default_rules
+
+    raise typer.Exit(run_shell(files or default_rules()))
+
+
 def _query(goal: str) -> Query:
     from drlsl.errors import UserError
     from drlsl.logic.lowering.lower import Query
