@@ -74,7 +74,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize("changes", FAILURES.values(), ids=FAILURES)
-@pytest.mark.parametrize("tier", ["interpreter"])
+@pytest.mark.parametrize("tier", ["interpreter", "auto"])
 def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str], tier: str) -> None:
     failing = shield(tier, **changes)
     with pytest.raises(RuleFailure):
