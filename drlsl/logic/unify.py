@@ -8,9 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cmp_to_key
 from sys import getrefcount
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
+from drlsl.logic.errors import representation_error
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+
+
+# After so many steps a walk through a term looks whether the term is cyclic.
+_LONG_WALK: Final = 100_000
 
 
 class Undoable(Protocol):
@@ -68,9 +73,57 @@ def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
     return before - len(trail)
 
 
+class _Patience:
+    """Makes sure, once a walk has taken long, that it is not the walk of a cyclic term, which would never end."""
+
+    __slots__ = ("left",)
+
+    def __init__(self) -> None:
+        self.left = _LONG_WALK
+
+    def check(self, *terms: Term) -> int:
+        """The next number of steps before it is time to check again.
+
+        Raises:
+            RepresentationError: One of the terms is cyclic.
+        """
+        if not all(map(is_acyclic, terms)):
+            raise representation_error("acyclic_term")
+        self.left *= 4
+        return self.left
+
+
+def is_acyclic(root: Term) -> bool:
+    """Whether a term is finite: no part of it contains itself."""
+    done: set[int] = set()
+    open_terms: set[int] = set()
+    todo: list[tuple[Term, bool]] = [(root, False)]
+    while todo:
+        term, is_left = todo.pop()
+        term = deref(term)
+        if type(term) is not Struct or id(term) in done:
+            continue
+        if is_left:
+            open_terms.discard(id(term))
+            done.add(id(term))
+        elif id(term) in open_terms:
+            return False
+        else:
+            open_terms.add(id(term))
+            todo.append((term, True))
+            todo.extend((arg, False) for arg in term.args)
+    return True
+
+
 def unify(left: Term, right: Term, trail: Trail) -> bool:
-    """Make two terms equal by binding variables; on failure the caller undoes what was bound."""
+    """Make two terms equal by binding variables; on failure the caller undoes what was bound.
+
+    Raises:
+        RepresentationError: A cyclic term, which unification without the occurs check may have made, is met.
+    """
     todo: list[Term] = []
+    steps = _LONG_WALK
+    patience = None
     while True:
         while type(left) is Var:
             ref = left.ref
@@ -96,6 +149,10 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
                 right_args = right.args
                 if len(left_args) != len(right_args):
                     return False
+                steps -= 1
+                if not steps:
+                    patience = patience or _Patience()
+                    steps = patience.check(left, right)
                 if left_args is not right_args:
                     for index in range(len(left_args) - 1, 0, -1):
                         todo.append(left_args[index])
@@ -150,8 +207,13 @@ def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
 
 def is_ground(term: Term) -> bool:
     """Whether no unbound variable occurs in a term."""
+    root = term
     todo = [term]
+    steps, patience = _LONG_WALK, _Patience()
     while todo:
+        steps -= 1
+        if not steps:
+            steps = patience.check(root)
         term = todo.pop()
         if type(term) is Var:
             term = deref(term)
@@ -173,7 +235,11 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
         return term
     root = Struct(term.name, ())
     todo = [(root, term.args)]
+    steps, patience = _LONG_WALK, _Patience()
     while todo:
+        steps -= 1
+        if not steps:
+            steps = patience.check(term)
         shell, args = todo.pop()
         copied: list[Term] = []
         for arg in args:
@@ -196,8 +262,13 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
 def term_variables(term: Term) -> list[Var]:
     """The distinct unbound variables of a term, from left to right. Source: ISO 13211-1, 8.5.5."""
     found: dict[Var, None] = {}
+    root = term
     todo = [term]
+    steps, patience = _LONG_WALK, _Patience()
     while todo:
+        steps -= 1
+        if not steps:
+            steps = patience.check(root)
         term = todo.pop()
         if type(term) is Var:
             term = deref(term)
@@ -219,7 +290,12 @@ def compare(left: Term, right: Term, *, iso: bool = True) -> int:
     equal integer. Source: ISO 13211-1, 7.2.
     """
     todo: list[Term] = []
+    first, second = left, right
+    steps, patience = _LONG_WALK, _Patience()
     while True:
+        steps -= 1
+        if not steps:
+            steps = patience.check(first, second)
         left = deref(left)
         right = deref(right)
         if left is not right:

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias, Union
+from typing import Any, Final, TypeAlias, Union
 
+from drlsl.logic.errors import representation_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
+from drlsl.logic.unify import is_acyclic
 from drlsl.logic.writer import variable_name
 
 
@@ -41,6 +43,9 @@ class String(str):
 
     __slots__ = ()
 
+
+# Larger terms are looked at first, to be sure that they are finite.
+_LARGE: Final = 50_000
 
 Value: TypeAlias = Union[str, int, float, "list[Any]", Compound, Variable]
 
@@ -73,7 +78,12 @@ def to_value(term: Term, names: Mapping[Term, str] | None = None) -> Value:
         return _simple_value(term, names or {})
     # Every compound term behind the one that it is part of, so that values can be built from the end.
     order = [term]
+    is_checked = False
     for struct in order:
+        if len(order) > _LARGE and not is_checked:
+            if not is_acyclic(term):
+                raise representation_error("acyclic_term")
+            is_checked = True
         order.extend(part for part in map(deref, _parts(struct)[1]) if type(part) is Struct)
     values: dict[int, Value] = {}
     for struct in reversed(order):
@@ -94,6 +104,8 @@ def _parts(struct: Struct) -> tuple[bool, list[Term]]:
     rest: Term = struct
     while type(rest) is Struct and rest.name == "." and len(rest.args) == 2:
         items.append(rest.args[0])
+        if len(items) == _LARGE and not is_acyclic(struct):
+            raise representation_error("acyclic_term")
         rest = deref(rest.args[1])
     return (True, items) if rest is NIL else (False, list(struct.args))
 

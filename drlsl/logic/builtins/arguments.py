@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from drlsl.logic.builtins.registry import Machine
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
-from drlsl.logic.unify import Trail, undo, unify
+from drlsl.logic.unify import Trail, is_acyclic, undo, unify
+
+# At this length a list is looked at, to be sure that it has an end.
+_LONG_LIST: Final = 100_000
 
 
 def atom(term: Term) -> Atom:
@@ -46,6 +51,8 @@ def prefix(term: Term) -> tuple[list[Term], Term]:
     term = deref(term)
     while type(term) is Struct and term.name == "." and len(term.args) == 2:
         found.append(term.args[0])
+        if len(found) == _LONG_LIST and not is_acyclic(term):
+            raise type_error("list", Atom("..."))
         term = deref(term.args[1])
     return found, term
 
