@@ -162,6 +162,8 @@ busy_section(Section, Car, Gap) :-
 nearest(Section, Car, Gap) :-
     aggregate_all(min(Gap1, Car1), busy_section(Section, Car1, Gap1), min(Gap, Car)).
 
+% front_is_busy, front_right_is_busy, right_is_busy, back_right_is_busy, back_is_busy, back_left_is_busy, left_is_busy,
+% front_left_is_busy: a target vehicle is in that section. Source: paper, SLP for AD.
 front_is_busy :- busy_section(front, _, _).
 front_right_is_busy :- busy_section(front_right, _, _).
 right_is_busy :- busy_section(right, _, _).
@@ -171,6 +173,8 @@ back_left_is_busy :- busy_section(back_left, _, _).
 left_is_busy :- busy_section(left, _, _).
 front_left_is_busy :- busy_section(front_left, _, _).
 
+% front_is_free, front_right_is_free, right_is_free, back_right_is_free, back_is_free, back_left_is_free, left_is_free,
+% front_left_is_free: no target vehicle is in that section. Source: paper, SLP for AD.
 front_is_free :- \+ front_is_busy.
 front_right_is_free :- \+ front_right_is_busy.
 right_is_free :- \+ right_is_busy.
@@ -225,6 +229,7 @@ entry_is_safe :- \+ obstacle(entry, _, _, _).
 objection(left_lane_change, Reason) :- side_objection(left, Reason).
 objection(right_lane_change, Reason) :- side_objection(right, Reason).
 
+% side_objection(Side, Reason): the same for the lane change to one side.
 side_objection(_, changing_lanes) :- \+ settled.
 side_objection(Side, no_lane) :- \+ side_lane(Side, _).
 side_objection(Side, too_close(Car, Gap, Needed)) :- obstacle(Side, Car, Gap, Needed).

@@ -37,6 +37,7 @@ target_vehicle(Car) :-
 left_lane(Lane) :- neighbour_lane(Lane, Direction, Y0, Y), ( Direction = left_to_right, Y < Y0 ; Direction = right_to_left, Y > Y0 ).
 right_lane(Lane) :- neighbour_lane(Lane, Direction, Y0, Y), ( Direction = left_to_right, Y > Y0 ; Direction = right_to_left, Y < Y0 ).
 
+% neighbour_lane(Lane, Direction, Y0, Y): Lane, with centre Y, is next to the ego's, with centre Y0; both run in Direction.
 neighbour_lane(Lane, Direction, Y0, Y) :-
     lane(ego, Lane0), road_lane(Lane0, Direction, Y0, Width0, _),
     road_lane(Lane, Direction, Y, Width, _), Lane \== Lane0,
@@ -53,7 +54,8 @@ alongside(Car) :-
     vehicle(ego, _, Px1, _, _, _, Length1, _), vehicle(Car, _, Px2, _, _, _, Length2, _),
     abs(Px1 - Px2) =< (Length1 + Length2) / 2.
 
-% front(Car) ... front_left(Car): the first fact whose vehicle is in that section, which need not be the nearest.
+% front(Car), front_right(Car), right(Car), back_right(Car), back(Car), back_left(Car), left(Car), front_left(Car): the first
+% fact whose vehicle is in that section, which need not be the nearest.
 front(Car) :- lane(ego, Lane), target_vehicle(Car), lane(Car, Lane), ahead(Car), !.
 front_right(Car) :- right_lane(Lane), target_vehicle(Car), lane(Car, Lane), ahead(Car), !.
 right(Car) :- right_lane(Lane), target_vehicle(Car), lane(Car, Lane), alongside(Car), !.
@@ -63,6 +65,8 @@ back_left(Car) :- left_lane(Lane), target_vehicle(Car), lane(Car, Lane), behind(
 left(Car) :- left_lane(Lane), target_vehicle(Car), lane(Car, Lane), alongside(Car), !.
 front_left(Car) :- left_lane(Lane), target_vehicle(Car), lane(Car, Lane), ahead(Car), !.
 
+% front_is_busy, front_right_is_busy, right_is_busy, back_right_is_busy, back_is_busy, back_left_is_busy, left_is_busy,
+% front_left_is_busy: a target vehicle is in that section. Source: paper, SLP for AD.
 front_is_busy :- front(_).
 front_right_is_busy :- front_right(_).
 right_is_busy :- right(_).
@@ -72,6 +76,8 @@ back_left_is_busy :- back_left(_).
 left_is_busy :- left(_).
 front_left_is_busy :- front_left(_).
 
+% front_is_free, front_right_is_free, right_is_free, back_right_is_free, back_is_free, back_left_is_free, left_is_free,
+% front_left_is_free: no target vehicle is in that section. Source: paper, SLP for AD.
 front_is_free :- \+ front_is_busy.
 front_right_is_free :- \+ front_right_is_busy.
 right_is_free :- \+ right_is_busy.
@@ -113,6 +119,7 @@ objection(right_lane_change, Reason) :- right(Car), too_close(Car, Reason).
 objection(right_lane_change, Reason) :- front_right(Car), near(Car), too_close(Car, Reason).
 objection(right_lane_change, Reason) :- back_right(Car), near(Car), too_close(Car, Reason).
 
+% too_close(Car, Reason): the reason that Car gives.
 too_close(Car, too_close(Car, D, C)) :- distance(ego, Car, D), critical_distance(C).
 
 % busy_section(Section, Car, Distance): the vehicle that the section's rule finds.
@@ -151,6 +158,7 @@ state([Front, FrontRight, Right, BackRight, Back, BackLeft, Left, FrontLeft, Lan
     room(back, Back), room(back_left, BackLeft), room(left, Left), room(front_left, FrontLeft),
     lane_place(Lane), speed_share(Speed).
 
+% room(Section, Room): the distance to the section's vehicle over the radar range, at most 1; 1 where there is none.
 room(Section, Room) :- busy_section(Section, _, D), !, radar_range(R), Room is min(1.0, D / R).
 room(_, 1.0).
 

@@ -1,0 +1,44 @@
+"""The documentation keeps up with the code."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from scripts.cli_reference import reference
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def test_the_reference_of_the_commands_is_current() -> None:
+    assert (ROOT / "docs" / "cli.md").read_text(encoding="utf-8") == reference()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_that_are_shown_exist(page: Path) -> None:
+    known = set(
+        re.findall(r"^## `drlsl (.+)`$", (ROOT / "docs" / "cli.md").read_text(encoding="utf-8"), re.M)
+    )
+    groups = {name.split()[0] for name in known if " " in name}
+    for first, second in re.findall(
+        r"^ {4}\$? ?drlsl (\w+) ?([\w-]*)", page.read_text(encoding="utf-8"), re.M
+    ):
+        name = f"{first} {second}" if first in groups else first
+        assert name in known, f"{page.name} shows drlsl {name}"
+
+
+@pytest.mark.parametrize("program", sorted((ROOT / "rules").glob("*.pl")), ids=lambda path: path.name)
+def test_every_predicate_of_the_rules_has_a_header(program: Path) -> None:
+    text = program.read_text(encoding="utf-8")
+    comments = " ".join(re.findall(r"^%(.*)$", text, re.M))
+    heads = set(re.findall(r"^([a-z]\w*)(?=[(. ])", text, re.M))
+    assert not {name for name in heads if not re.search(rf"\b{name}\b", comments)}
