@@ -61,6 +61,8 @@ _REDUCTIONS: Final = {
     "sum": "total",
 }
 _ATOMIC, _UNARY, _COMPARISON, _LOOSE = 20, 13, 6, 0
+_STACKABLE: Final = frozenset({"add", "and", "any", "both", "div", "max", "min", "mul", "select", "sub"})
+_WORTH_STACKING: Final = 4
 _LEAVES: Final = frozenset({"const", "loop", "facts", "others", "row"})
 
 
@@ -205,6 +207,7 @@ class ArrayPrinter:
             elif self._uses[node] > 1 or node.op == "where":
                 self._assign(node)
         for group in self._groups:
+            self._stack(group)
             self._line(
                 f"yield {', '.join(self._text(node, _LOOSE) for node in group)}," if group else "yield ()"
             )
@@ -215,9 +218,57 @@ class ArrayPrinter:
 
     def _assign(self, node: Node) -> None:
         text = self._text(node, _LOOSE)
+        if text.isidentifier():
+            self._known[node] = text
+            return
         name = self._names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
         self._known[node] = name
         self._line(f"{name} = {text}")
+
+    def _stack(self, results: Sequence[Node]) -> None:
+        """Compute results that are alike in one go, as the rows of one array."""
+        alike: dict[object, list[Node]] = {}
+        for node in dict.fromkeys(results):
+            if node not in self._known and node.op == "select" and not node.free:
+                alike.setdefault(self._shape(node), []).append(node)
+        for nodes in alike.values():
+            if len(nodes) >= _WORTH_STACKING:
+                name = self._names.new("stacked")
+                self._line(f"{name} = {self._stacked(nodes, {})}")
+                for place, node in enumerate(nodes):
+                    self._known[node] = f"{name}[{place}]"
+
+    def _shape(self, node: Node) -> object:
+        """What a value is computed like, whatever it is computed from."""
+        if node in self._known or node.free or node.op not in _STACKABLE:
+            return node if node.is_const else node.kind
+        return node.op, node.data, tuple(self._shape(arg) for arg in self._operands(node))
+
+    def _stacked(self, nodes: Sequence[Node], known: dict[tuple[Node, ...], str]) -> str:
+        """The text of values alike, one per row; a value that all have in common stays one row."""
+        first, key = nodes[0], tuple(nodes)
+        if all(node is first for node in nodes):
+            return self._text(first, _ATOMIC)
+        if key not in known:
+            if first in self._known or first.op not in _STACKABLE or first.free:
+                known[key] = self._names.new("rows_of")
+                self._line(
+                    f"{known[key]} = xp.stack({', '.join(self._text(node, _LOOSE) for node in nodes)})"
+                )
+                return known[key]
+            args = [self._stacked(args, known) for args in zip(*map(self._operands, nodes), strict=True)]
+            known[key] = self._combined(first, args)
+        return known[key]
+
+    def _combined(self, node: Node, args: Sequence[str]) -> str:
+        """The operation of a node on the texts of its operands."""
+        if node.op in _INFIX:
+            return f"({f' {_INFIX[node.op][0]} '.join(args)})"
+        if node in self._twins:
+            return f"({args[0]} < xp.inf)"
+        if node.op == "and":
+            return args[0]
+        return f"xp.{_CALLS[node.op]}({', '.join(args)})"
 
     def _assign_sparse(self, node: Node) -> None:
         """A quantifier whose costly parts are computed only for the rows that pass the cheap ones."""
@@ -239,7 +290,8 @@ class ArrayPrinter:
             **{given: name for (own, given), name in self._gathered.items() if own is mask},
         }
         self._flat = True
-        uses = Counter(plan.heavy)
+        beside = [other for other in self._sparse.values() if self._masks.of(other.prefix) is mask]
+        uses = Counter(part for other in beside for part in other.heavy)
         for part in plan.private:
             uses.update(part.args)
         for part in plan.private:

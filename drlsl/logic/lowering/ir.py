@@ -341,6 +341,8 @@ class Pool:
         `op` is min_of, max_of, argmin or argmax. Where no row meets the condition the value means nothing.
         """
         _, inner = _split(loop, cond)
+        if loop not in value.free:
+            return value if op in ("min_of", "max_of") else self.first(loop, cond)
         if op in ("min_of", "max_of"):
             return self._quantify(op, value.kind, loop, self.and_(inner), (value,), (value.low, value.high))
         return self._quantify(op, "index", loop, self.and_(inner), (value,))

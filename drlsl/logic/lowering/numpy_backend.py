@@ -414,7 +414,7 @@ class Ops:
 
     def least(self, mask: Mask, value: Array, axis: int) -> Array:
         """The least value of the rows that are marked."""
-        if mask.ndim == 2 and mask.shape == np.shape(value) and 8 * np.count_nonzero(mask) < mask.size:
+        if mask.ndim == 2 and mask.shape == np.shape(value) and 6 * np.count_nonzero(mask) < mask.size:
             rows = self.select(mask)
             return rows.least(None, rows.gather(value))
         result: Array = np.minimum.reduce(np.where(mask, value, _highest(value)), axis=axis)
@@ -468,6 +468,13 @@ class Ops:
     def positions(self, valid: Mask, start: int) -> Array:
         """The places of the rows that a loop visits."""
         return np.arange(start, start + valid.shape[0])[:, None]
+
+    def stack(self, *values: Array) -> Array:
+        """Values of the scenes alone as the rows of one array."""
+        result = np.empty((len(values), self.scenes), dtype=np.result_type(*values))
+        for row, value in zip(result, values, strict=True):
+            row[...] = value
+        return result
 
     # numbers
 

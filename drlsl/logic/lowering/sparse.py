@@ -65,7 +65,7 @@ def plan_sparse(pool: Pool, roots: Iterable[Node]) -> dict[Node, Sparse]:
             for part in own if plan is None else plan.prefix:
                 _add(part, dense)
         if len(dense) == before:
-            return plans
+            return _together(pool, plans)
 
 
 def _may_gain(node: Node) -> bool:
@@ -95,6 +95,26 @@ def _plan(pool: Pool, node: Node, dense: set[Node]) -> Sparse | None:
     needed = dict.fromkeys(arg for part in (*private,) for arg in part.args if arg not in private)
     needed.update(dict.fromkeys(part for part in heavy if part not in private))
     return Sparse(tuple(prefix), tuple(heavy), private, tuple(needed))
+
+
+def _together(pool: Pool, plans: dict[Node, Sparse]) -> dict[Node, Sparse]:
+    """Plans with the same costly parts pick out the rows of any of them, once."""
+    groups: dict[tuple[Node, ...], list[Node]] = {}
+    for node, plan in plans.items():
+        groups.setdefault(plan.heavy, []).append(node)
+    result = dict(plans)
+    for nodes in groups.values():
+        prefixes = [plans[node].prefix for node in nodes]
+        common = tuple(part for part in prefixes[0] if all(part in other for other in prefixes))
+        own = [tuple(part for part in prefix if part not in common) for prefix in prefixes]
+        if len(nodes) == 1 or not all(own):
+            continue
+        either = pool.or_(pool.and_(parts) for parts in own)
+        for node, parts in zip(nodes, own, strict=True):
+            plan = plans[node]
+            inputs = tuple(dict.fromkeys((*plan.inputs, *parts)))
+            result[node] = Sparse((*common, either), (*parts, *plan.heavy), plan.private, inputs)
+    return result
 
 
 def _cost(node: Node, loop: Node, dense: set[Node]) -> int:
