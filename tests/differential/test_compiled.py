@@ -113,7 +113,11 @@ _FACTS = "q(a). q(b). q(f(a)). q(1). q([]).\n"
 @settings(max_examples=150, deadline=None)
 @given(clauses=st.lists(_CLAUSES, min_size=1, max_size=6), goal=_GOALS)
 def test_generated_programs(clauses: list[str], goal: str) -> None:
-    text = _FACTS + ":- discontiguous([p/2, r/2]).\n:- dynamic(s/0).\np(none,none).\nr(none,none).\n" + "\n".join(clauses)
+    text = (
+        _FACTS
+        + ":- discontiguous([p/2, r/2]).\n:- dynamic(s/0).\np(none,none).\nr(none,none).\n"
+        + "\n".join(clauses)
+    )
     limits = Limits(inferences=3_000, depth=500)
     results = []
     for is_compiled in (False, True):

@@ -190,8 +190,7 @@ def abolish(machine: Machine, term: Term) -> bool:
     if is_builtin(name, arity) or (predicate is not None and not predicate.dynamic):
         raise permission_error("modify", "static_procedure", name_term(name, arity))
     if predicate is not None:
-        for found in predicate.clauses:
-            predicate.erase(found)
+        predicate.replace([])
         predicate.defined = predicate.dynamic = False
     return True
 
