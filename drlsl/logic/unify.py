@@ -15,7 +15,7 @@ from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 
 # After so many steps a walk through a term looks whether the term is cyclic.
-_LONG_WALK: Final = 100_000
+_LONG_WALK: Final = 1_500_000
 
 
 class Undoable(Protocol):

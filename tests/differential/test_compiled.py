@@ -82,6 +82,8 @@ _SIMPLE = st.one_of(
     st.builds("atom({})".format, _VARIABLES),
     st.builds("p({},{})".format, _TERMS, _TERMS),
     st.builds("q({})".format, _TERMS),
+    st.builds("row({},{},{})".format, _TERMS, _TERMS, _TERMS),
+    st.builds("row({},_,_)".format, _VARIABLES),
     st.builds("catch({} is {} + 1, _, {} = err)".format, _VARIABLES, _VARIABLES, _VARIABLES),
     st.builds("functor({},N,_)".format, _VARIABLES),
     st.sampled_from(["!", "true", "fail"]),
@@ -107,6 +109,7 @@ _CLAUSES = st.one_of(
     st.builds("p({},{}).".format, _TERMS, _TERMS),
     st.builds("r({},{}) :- {}.".format, _TERMS, _TERMS, _GOALS),
 )
+_ROWS: list[tuple[str | float, ...]] = [("a", 1, "b"), ("b", 2, "b"), (1, 1, 1.0), ("a", "a", "a")]
 _FACTS = "q(a). q(b). q(f(a)). q(1). q([]).\n"
 
 
@@ -123,9 +126,7 @@ def test_generated_programs(clauses: list[str], goal: str) -> None:
     for is_compiled in (False, True):
         engine = Engine(compiled=is_compiled)
         engine.consult_text(text)
-        for predicate in engine.program.predicates.values():
-            if predicate.dynamic:
-                predicate.reset()
+        engine.replace_facts("row", 3, _ROWS)
         found: list[str] = []
         try:
             for solution in engine.query(f"r(X,Y), {goal}", limits=limits):

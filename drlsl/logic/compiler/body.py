@@ -7,6 +7,7 @@ to the trampoline as a task, with what follows it as a new function and the vari
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 from drlsl.logic.body import CALL, CONTROL, DET, check_body
 from drlsl.logic.compiler.matching import emit_deref, emit_unify
 from drlsl.logic.compiler.numbers import COMPARISONS, emit_comparison, emit_is
+from drlsl.logic.compiler.rows import emit_row_match
 from drlsl.logic.compiler.writer import Function, Module, Scope, build, ensure, is_atom
 from drlsl.logic.errors import PrologError
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, make_list
@@ -172,6 +174,8 @@ class BodyEmitter:
     def _call(self, place: Place, name: str, args: Sequence[Term], rest: list[Term]) -> None:
         function, scope = place.function, place.scope
         op, target = self._resolve(name, len(args))
+        if op == CALL and args and target.rows is not None:
+            self._call_rows(place, name, args, rest, target)
         parts = [build(function, scope, arg) for arg in args]
         if not rest and place.loop is not None and (name, len(args)) == self.key:
             place.loop(parts)
@@ -189,6 +193,43 @@ class BodyEmitter:
         else:
             arguments = ", ".join(["m", *parts])
             function.emit(f"return start_generator(m, {namespace.name('F', target)}({arguments}), {k})")
+
+    def _call_rows(
+        self, place: Place, name: str, args: Sequence[Term], rest: list[Term], target: Any
+    ) -> None:
+        """A call of facts held as rows, for as long as they are: what follows is for when they are not."""
+        scope, predicate = place.scope, self._module.namespace.name("P", target)
+        goals = [Struct(name, tuple(args)), *rest]
+        live = [variable for variable in term_variables(make_list(goals)) if variable in scope.names]
+        names = list(dict.fromkeys(scope.names[variable] for variable in live))
+        loop = self._module.function()
+        inner = Place(loop, Scope({variable: scope.names[variable] for variable in live}), lambda: None)
+        loop.about(goals[0], self._clause, inner.scope)
+        loop.emit(f"{', '.join(['_, mark, rows, index', *names, 'k'])} = t")
+        loop.emit("trail = m.trail; choices = m.choices; mark = len(trail); end = len(rows)")
+        loop.emit("while index < end:")
+        loop.indent += 1
+        loop.emit("row = rows[index]; index += 1")
+        counts = Counter(each for arg in args for each in term_variables(arg))
+        wanted = set(term_variables(make_list(rest))) | {each for each in counts if counts[each] > 1}
+        emit_row_match(loop, inner.scope, args, wanted)
+        state = ", ".join([f"{loop.name}, mark, rows, index", *names, "k"])
+        loop.emit(f"if index < end: choices.append(({state}))")
+        if rest:
+            task = self._continuation(inner, rest)
+            after = loop.local("t")
+            loop.emit(f"{after} = {task}")
+            loop.emit(f"return {after}[0](m, {after})")
+        else:
+            loop.emit("return k")
+        loop.indent -= 1
+        loop.emit("return FAIL")
+        first = deref(args[0])
+        candidates = f"{predicate}.rows"
+        if type(first) is not Var or first in scope.names:
+            candidates = f"{predicate}.candidate_rows(deref({build(place.function, scope, first)}))"
+        call = ", ".join([f"{loop.name}, 0, {candidates}, 0", *names, place.k])
+        place.function.emit(f"if {predicate}.rows is not None: return {loop.name}(m, ({call}))")
 
     def _shared(self, place: Place, goal: Term, rest: list[Term]) -> None:
         """Make the variables that a control construct shares with what follows it."""

@@ -28,6 +28,7 @@ _RUNTIME: dict[str, Any] = {
     "begin_findall": begin_findall,
     "collect": collect,
     "cut": cut,
+    "deref": deref,
     "evaluate": evaluate,
     "soft_cut": soft_cut,
     "start_generator": start_generator,
