@@ -46,8 +46,8 @@ standstill_gap(2.0).
 % lateral_margin(M): the room kept between two sides that pass each other.
 lateral_margin(0.3).
 
-% lane_change_time(T): how long a lane change takes, from the first move to the new lane's centre.
-lane_change_time(3.0).
+% side_time(T): a vehicle that closes in within this time counts as beside the ego already.
+side_time(1.0).
 
 % drift_horizon(Side, T): how far ahead a vehicle's sideways motion is followed to see whether it enters the way of Side.
 % A lane change, and entering the road, claims the lane for a while; the ego's own lane is watched anew at every step.
@@ -240,17 +240,14 @@ side_objection(Side, too_close(Car, Gap, Needed)) :- obstacle(Side, Car, Gap, Ne
 % lane it came from, that lane again if somebody moves into the way and nobody is beside the ego there.
 lane_to_keep(Home) :-
     lane(ego, Home), target_lane(Target), Target \== Home,
-    side_lane(Side, Target), pressing(Side, _), \+ beside(home, _), !.
+    side_lane(Side, Target), beside(Side, _), \+ beside(home, _), !.
 lane_to_keep(Target) :- target_lane(Target).
 
-% pressing(Side, Car): Car is in the way of Side and will be alongside before a lane change is over.
-pressing(Side, Car) :-
+% beside(Side, Car): Car is in the way of Side and alongside, or will be within the side time.
+beside(Side, Car) :-
     target_vehicle(Car), in_way(Car, Side),
-    gap(Car, Gap), closing_speed(Car, V), lane_change_time(T), standstill_gap(D),
+    gap(Car, Gap), closing_speed(Car, V), side_time(T), standstill_gap(D),
     Gap < D + V * T.
-
-% beside(Side, Car): Car is in the way of Side, alongside or nearly so.
-beside(Side, Car) :- target_vehicle(Car), in_way(Car, Side), gap(Car, Gap), standstill_gap(D), Gap < D.
 
 % closing_speed(Car, V): how fast the gap between Car and the ego shrinks; 0 where it grows.
 closing_speed(Car, V) :- offset(Car, S), S >= 0.0, speed(ego, V1), speed(Car, V2), V is max(0.0, V1 - V2).

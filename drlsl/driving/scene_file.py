@@ -19,7 +19,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class _Model(BaseModel):
-    # Only the scene as a whole is ever validated: its parts need no validators of their own, which saves time.
+    # Only whole scenes are validated: their parts need no validators of their own, which saves time.
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, defer_build=True)
 
 

@@ -9,7 +9,7 @@ from drlsl.driving.scene import Scene, Vehicle
 from drlsl.traffic.road import Lane
 
 RESPONSE_TIME, RESPONSE_ACCELERATION, REAR_BRAKING, FRONT_BRAKING = 0.35, 3.0, 6.0, 8.0
-STANDSTILL, MARGIN, CHANGE_TIME, COMFORT = 2.0, 0.3, 3.0, 1.5
+STANDSTILL, MARGIN, SIDE_TIME, COMFORT = 2.0, 0.3, 1.0, 1.5
 HORIZON = {"own": 1.0, "home": 1.0, "entry": 3.0, "left": 3.0, "right": 3.0}
 SECTIONS = {
     "front": ("own", "ahead"),
@@ -136,20 +136,17 @@ class Oracle:
                 offered.append(f"{side}_lane_change")
         return offered
 
-    def pressing(self, side: str) -> bool:
+    def beside(self, side: str) -> bool:
         for car in self.targets():
             own, other = self.speed(self.ego), self.speed(car)
             closing = max(0.0, own - other if self.offset(car) >= 0 else other - own)
-            if self.in_way(car, side) and self.gap(car) < STANDSTILL + closing * CHANGE_TIME:
+            if self.in_way(car, side) and self.gap(car) < STANDSTILL + closing * SIDE_TIME:
                 return True
         return False
 
-    def beside(self, side: str) -> bool:
-        return any(self.in_way(car, side) and self.gap(car) < STANDSTILL for car in self.targets())
-
     def lane_to_keep(self) -> int:
         for side in ("left", "right"):
-            if self.side_lane(side) == self.target and self.pressing(side) and not self.beside("home"):
+            if self.side_lane(side) == self.target and self.beside(side) and not self.beside("home"):
                 return self.lane.id
         return self.target.id
 

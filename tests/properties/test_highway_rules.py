@@ -69,7 +69,6 @@ def test_sides(shield: Shield, scene: Scene) -> None:
         assert [(row["Car"], row["Gap"], row["Needed"]) for row in found] == [
             (car.id, oracle.gap(car), oracle.needed_gap(car)) for car in oracle.obstacles(side)
         ]
-        assert bool(ask(shield, scene, f"pressing({side}, Car)")) == oracle.pressing(side)
         assert bool(ask(shield, scene, f"beside({side}, Car)")) == oracle.beside(side)
     assert bool(ask(shield, scene, "settled")) == oracle.settled
 
