@@ -96,6 +96,12 @@ CARS = [("ego", 1, 0.0), ("a", 1, 7.0), ("b", 2, 3.0), ("c", 1, 3.0)]
         ("p(C) :- aggregate_all(min(X, D), ( car(D, _, X), X > 1.0 ), min(_, C)).", "p/1", "first", "b"),
         ("p(C) :- aggregate_all(max(X, D), ( car(D, _, X), X < 5.0 ), max(_, C)).", "p/1", "first", "b"),
         ("p(X) :- aggregate_all(min(X), ( car(_, _, X), X > 9.0 ), X).", "p/1", "first", None),
+        (
+            "p(C) :- aggregate_all(min(X, D), ( D = l, limit(X) ; D = m, limit(X) ), min(_, C)).",
+            "p/1",
+            "first",
+            "l",
+        ),
         ("p(X) :- aggregate_all(max(X), ( car(_, _, X) ; lane(_, _, X) ), X).", "p/1", "first", 7.0),
         ("p(N) :- aggregate_all(count, car(_, 1, _), N).", "p/1", "first", 3),
         ("p(N) :- aggregate_all(count, ( car(_, L, _), lane(L, _, _) ), N).", "p/1", "first", 4),
@@ -147,6 +153,7 @@ CARS = [("ego", 1, 0.0), ("a", 1, 7.0), ("b", 2, 3.0), ("c", 1, 3.0)]
         ("p :- G = car(_, 2, _), call(G).", "p/0", "holds", True),
         ("p :- call(car, _, 2, _).", "p/0", "holds", True),
         ("q(1, a). q(2, X) :- q(1, X). p(X) :- q(2, X).", "p/1", "first", "a"),
+        ("q(_, 1). p(X, Y) :- q(A, X), q(B, Y), A = a, B = b.", "p/2", "first", (1, 1)),
     ],
 )
 def test_answers(text: str, goal: str, mode: Mode, expected: Any) -> None:
@@ -185,7 +192,7 @@ def test_a_row_that_no_key_finds() -> None:
         ("p(X) :- limit(X), nobody(X).", facts()),
         ("p(X) :- car(_, _, X), 1.0 / X > 2.0.", facts()),
         # the interpreter goes back into q, and meets the error there
-        ("p(1) :- q, limit(0.0). q. q :- limit(L), 1.0 mod 2 > L.", facts()),
+        ("p(1) :- q, limit(0.0). q. q :- limit(L), 1.0 mod 2 > L. q.", facts()),
     ],
 )
 def test_an_error_is_left_to_the_interpreter(text: str, scene: Facts) -> None:

@@ -103,6 +103,27 @@ def test_what_driving_asks_is_decided_without_the_interpreter(program: str, scen
         assert both.check([facts(scene)]) == 1
 
 
+@pytest.mark.parametrize(
+    ("beside", "offered"), [(1, "right_lane_change"), (3, "left_lane_change"), (2, "both")]
+)
+def test_a_vehicle_on_one_side_bars_that_side_alone(beside: int, offered: str) -> None:
+    lanes = [(n, "left_to_right", 3.5 * n, 3.5, 30.0) for n in (1, 2, 3)]
+    other = ("a", beside, 1.0 if beside != 2 else 90.0, 3.5 * beside, 20.0, 0.0, 4.0, 2.0)
+    scene: dict[tuple[str, int], list[tuple[Any, ...]]] = {
+        **{key: [(1.0,)] for key, relation in SCHEMA.relations.items() if relation.single},
+        ("vehicle", 8): [("ego", 2, 0.0, 7.0, 20.0, 0.0, 4.0, 2.0), other],
+        ("road_lane", 5): lanes,
+        ("target_lane", 1): [(2,)],
+        ("radar_range", 1): [(100.0,)],
+    }
+    both = tiers("highway.pl", Query("safe_actions", 1, "set"))
+    assert both is not None
+    assert both.arrays is not None
+    assert both.check([scene, scene]) == 2
+    wanted = ["left_lane_change", "right_lane_change"] if offered == "both" else [offered]
+    assert both.scalar(scene)[0] == ["lane_keeping", *wanted]
+
+
 def changed(text: str, old: str, new: str) -> Engine:
     assert old in text
     result = Engine()

@@ -9,8 +9,7 @@ NumPy.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from drlsl.logic.lowering.errors import NotLowerable
@@ -18,7 +17,7 @@ from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, r
 from drlsl.logic.lowering.lower import Answer, Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
-from drlsl.logic.lowering.sparse import Sparse, mask_parts, plan_sparse
+from drlsl.logic.lowering.sparse import Conjunctions, mask_parts, plan_sparse
 from drlsl.logic.lowering.trees import Sym, resolve
 from drlsl.logic.terms import NIL, Atom, Struct
 
@@ -87,7 +86,7 @@ class ArrayPrinter:
         self._groups = [[undecided], *(self._roots(answer) for answer in lowered.answers)]
         self._results = [root for group in self._groups for root in group]
         self._sparse = plan_sparse(self.pool, self._results)
-        self._masks = _Conjunctions(self.pool, self._results, self._sparse)
+        self._masks = Conjunctions(self.pool, self._results, self._sparse)
         self._twins = self._find_twins()
         self._selections: dict[Node, str] = {}  # the names of rows picked out by a mask
         self._gathered: dict[tuple[Node, Node], str] = {}  # a mask and a value, of the rows picked out by it
@@ -469,66 +468,6 @@ _HINTS: Final = {
     "max_of": "greatest",
     "both": "mask",
 }
-
-
-class _Conjunctions:
-    """Masks as pairs of masks, so that those with conditions in common share them."""
-
-    def __init__(self, pool: Pool, roots: Iterable[Node], sparse: Mapping[Node, Sparse]) -> None:
-        self._pool = pool
-        wanted: dict[tuple[Node, ...], list[Node]] = {}
-        seen: set[Node] = set()
-
-        def visit(node: Node) -> None:
-            if node in seen:
-                return
-            seen.add(node)
-            for arg in (*sparse[node].prefix, *sparse[node].inputs) if node in sparse else node.args:
-                visit(arg)
-            parts: tuple[Node, ...] = ()
-            if node.op == "and":
-                parts = conjuncts(node)
-            elif node in sparse:
-                parts = sparse[node].prefix
-            elif node.op in QUANTIFIERS or node.op == "where":
-                parts = mask_parts(pool, node)
-            if parts:
-                wanted.setdefault(parts, sorted(parts, key=lambda part: len(part.free)))
-
-        for root in roots:
-            visit(root)
-        # a condition of a quantifier is a part of its mask, not a mask of its own
-        self._made = {parts: self._pair_up(left) for parts, left in self._share(wanted).items()}
-
-    def of(self, parts: tuple[Node, ...]) -> Node:
-        """The node of a conjunction."""
-        return self._made[parts]
-
-    def _share(self, wanted: dict[tuple[Node, ...], list[Node]]) -> dict[tuple[Node, ...], list[Node]]:
-        while True:
-            counts: Counter[tuple[Node, Node]] = Counter()
-            for parts in wanted.values():
-                counts.update(combinations(parts, 2))
-            best = max(
-                counts, key=lambda pair: (counts[pair], -len(pair[0].free | pair[1].free)), default=None
-            )
-            if best is None or counts[best] < 2:
-                return wanted
-            pair = self._both(*best)
-            for parts in wanted.values():
-                if best[0] in parts and best[1] in parts:
-                    place = parts.index(best[0])
-                    parts[place] = pair
-                    parts.remove(best[1])
-
-    def _pair_up(self, parts: list[Node]) -> Node:
-        result, *others = sorted(parts, key=lambda part: len(part.free))
-        for other in others:
-            result = self._both(result, other)
-        return result
-
-    def _both(self, left: Node, right: Node) -> Node:
-        return self._pool.make("both", "bool", (left, right))
 
 
 def _is_small(rows: Node) -> bool:

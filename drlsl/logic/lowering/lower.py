@@ -10,6 +10,7 @@ from drlsl.logic.engine import Engine
 from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.ir import Node, Pool
 from drlsl.logic.lowering.schema import Schema
+from drlsl.logic.lowering.symbols import variables_of
 from drlsl.logic.lowering.trees import (
     FAIL,
     Branch,
@@ -28,7 +29,7 @@ from drlsl.logic.lowering.trees import (
     require,
     seq,
 )
-from drlsl.logic.lowering.unfold import Unfolder, deep_recursion, variables_of
+from drlsl.logic.lowering.unfold import Unfolder, deep_recursion
 from drlsl.logic.terms import Atom, Struct, Var
 
 Mode: TypeAlias = Literal["holds", "first", "set", "all"]

@@ -16,8 +16,9 @@ from typing import Any, Final, TypeAlias
 from drlsl.logic.lowering.ir import QUANTIFIERS, Node, Pool, conjuncts, reach, relation_of
 from drlsl.logic.lowering.lower import Answer, Lowered
 from drlsl.logic.lowering.names import Names
+from drlsl.logic.lowering.python_text import CHOICE, OR, PythonText, is_lookup
 from drlsl.logic.lowering.schema import Relation
-from drlsl.logic.lowering.support import SUPPORT, Facts, blank_row
+from drlsl.logic.lowering.support import SUPPORT, Facts
 from drlsl.logic.lowering.trees import Bag, Branch, Each, Emit, Guard, Sym, Tree, children, resolve
 from drlsl.logic.terms import NIL, Atom, Struct
 
@@ -25,27 +26,6 @@ Scalar: TypeAlias = Callable[[Facts], tuple[Any, ...]]
 
 _RESERVED: Final = (*SUPPORT, "abs", "answer", "facts", "float", "max", "min")
 
-# text of an operation, and how strongly it binds
-_INFIX: Final = {
-    "add": ("+", 11),
-    "sub": ("-", 11),
-    "mul": ("*", 12),
-    "bitand": ("&", 9),
-    "bitxor": ("^", 8),
-    "bitor": ("|", 7),
-}
-_DIVISIONS: Final = {"div": ("/", "nan"), "floordiv": ("//", "0"), "mod": ("%", "0")}
-_CALLS: Final = {
-    "abs": "abs",
-    "tofloat": "float",
-    "sign": "sign",
-    "floor": "floor",
-    "ceiling": "ceil",
-    "truncate": "trunc",
-    "round": "rounded",
-    "truncdiv": "truncated",
-}
-_ATOMIC, _UNARY, _COMPARISON, _NOT, _AND, _OR, _CHOICE = 20, 13, 6, 5, 4, 3, 1
 _TWICE: Final = frozenset(
     {"min", "max", "div", "floordiv", "mod", "sqrt", "isign"}
 )  # their text names an argument twice
@@ -72,23 +52,6 @@ def scalar_source(lowered: Lowered) -> str:
     return _Printer(lowered).module()
 
 
-def is_lookup(node: Node) -> bool:
-    """Whether a quantifier asks for the row with a given key."""
-    if node.op not in ("any", "first") or node.args[1].op != "eq" or node.args[0].args[0].op != "facts":
-        return False
-    loop, relation = node.args[0], relation_of(node.args[0])
-    return any(
-        side.op == "col" and side.args[0] is loop and side.data[1] == relation.key and loop not in other.free
-        for side, other in (node.args[1].args, node.args[1].args[::-1])
-    )
-
-
-def lookup_value(node: Node) -> Node:
-    """The key that a lookup asks for."""
-    left, right = node.args[1].args
-    return right if node.args[0] in left.free else left
-
-
 @dataclass(slots=True)
 class _Loop:
     """What one loop over `rows` computes."""
@@ -106,19 +69,15 @@ class _Item:
     act: Callable[[], None]
 
 
-class _Printer:
+class _Printer(PythonText):
     """Writes the function for one lowered program."""
 
     def __init__(self, lowered: Lowered) -> None:
+        super().__init__(Names(_RESERVED))
         self.lowered = lowered
         self.pool: Pool = lowered.pool
-        self.names = Names(_RESERVED)
-        self.constants: dict[str, Any] = {}
         self.lines: list[str] = []
         self.depth = 1
-        self.known: dict[Node, str] = {}  # the variables of values, rows and indices where we are
-        self.tables: dict[Relation, str] = {}  # the dictionary of rows by key
-        self.blanks: dict[Relation, str] = {}
         self.undecided = self.pool.or_(answer.undecided for answer in lowered.answers)
         self.roots = [self.undecided, *(root for answer in lowered.answers for root in _roots(answer))]
         self.reached = reach(self.roots)
@@ -145,7 +104,7 @@ class _Printer:
         for loop in self._loops():
             self._sweep(loop)
         if self.undecided is not self.pool.false:
-            with self.block(f"if {self.text(self.undecided, _CHOICE)}:"):
+            with self.block(f"if {self.text(self.undecided, CHOICE)}:"):
                 self.write("raise Undecided('an arithmetic error on the way')")
         self._share(self.roots[1:])
         results = [self._answer(answer) for answer in self.lowered.answers]
@@ -183,13 +142,6 @@ class _Printer:
         if any(is_lookup(node) and relation_of(node.args[0]) is relation for node in self.reached):
             table = self.tables[relation] = self.names.new(f"{relation.name}_by_key")
             self.write(f"{table} = {{row[{relation.key}]: row for row in {rows}}}")
-
-    def _blank(self, relation: Relation) -> str:
-        """The name of the row that stands for none."""
-        if relation not in self.blanks:
-            self.blanks[relation] = self.names.new(f"no_{relation.name}").upper()
-            self.constants[self.blanks[relation]] = blank_row(relation)
-        return self.blanks[relation]
 
     def _unpack(self, index: Node) -> None:
         """Give names to the columns of a row that are used."""
@@ -288,13 +240,13 @@ class _Printer:
             self.write(f"{name} = 0")
             return _Item(conds, (), lambda: self.write(f"{name} += 1"))
         if node.op == "first":
-            blank = self._blank(relation_of(node))
+            blank = self.blank(relation_of(node))
             self.write(f"{name} = {blank}")
             return _Item(conds, (), lambda: self.write(f"{name} = {row()} if {name} is {blank} else {name}"))
         value = node.args[2]
         if node.op == "sum":
-            self.write(f"{name} = {self.text(node.args[3], _CHOICE)}")
-            return _Item(conds, (value,), lambda: self.write(f"{name} += {self.text(value, _CHOICE)}"))
+            self.write(f"{name} = {self.text(node.args[3], CHOICE)}")
+            return _Item(conds, (value,), lambda: self.write(f"{name} += {self.text(value, CHOICE)}"))
         return self._extreme_item(node, name, conds, value)
 
     def _extreme_item(self, node: Node, name: str, conds: tuple[Node, ...], value: Node) -> _Item:
@@ -302,7 +254,7 @@ class _Printer:
         best = name
         if node.op in ("argmin", "argmax"):
             best = self.names.new("least" if least else "greatest")
-            self.write(f"{name} = {self._blank(relation_of(node))}")
+            self.write(f"{name} = {self.blank(relation_of(node))}")
         self.write(f"{best} = {'inf' if least else '-inf'}")
 
         def act() -> None:
@@ -340,7 +292,7 @@ class _Printer:
             if exclusive and earlier is self.pool.not_(cond) and test is cond:
                 head = "else:"
             else:
-                head = f"{'elif' if exclusive else 'if'} {self.text(test, _CHOICE)}:"
+                head = f"{'elif' if exclusive else 'if'} {self.text(test, CHOICE)}:"
             with self.block(head):
                 self._items(rest)
             earlier = cond
@@ -376,100 +328,22 @@ class _Printer:
     def assign(self, node: Node) -> str:
         """Give a value a variable."""
         self._nested_quantifiers(node)
-        text = self.text(node, _CHOICE)
+        text = self.text(node, CHOICE)
         name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
         self.write(f"{name} = {text}")
         return name
-
-    # ---------------------------------------------------------------- expressions
-
-    def text(self, node: Node, strength: int) -> str:
-        """An expression, in brackets where what is around it binds more strongly."""
-        name = self.known.get(node)
-        if name is not None:
-            return name
-        text, own = self._text(node)
-        return text if own >= strength else f"({text})"
-
-    def _text(self, node: Node) -> tuple[str, int]:
-        args = node.args
-        if node.op == "const":
-            value = node.data.name if isinstance(node.data, Atom) else node.data
-            return repr(value), _ATOMIC if not isinstance(value, int | float) or value >= 0 else _UNARY
-        if node.op == "col":
-            return f"{self.text(args[0], _ATOMIC)}[{node.data[1]}]", _ATOMIC
-        if is_lookup(node):
-            table, key = self.tables[relation_of(args[0])], self.text(lookup_value(node), _COMPARISON + 1)
-            if node.op == "any":
-                return f"{key} in {table}", _COMPARISON
-            return f"{table}.get({key}, {self._blank(relation_of(args[0]))})", _ATOMIC
-        if node.op in _INFIX:
-            sign, own = _INFIX[node.op]
-            return f"{self.text(args[0], own)} {sign} {self.text(args[1], own + 1)}", own
-        if node.op in _DIVISIONS:
-            return self._division(node)
-        if node.op in _CALLS or node.op == "function":
-            called = _CALLS.get(node.op) or f"math_{node.data}"
-            return f"{called}({', '.join(self.text(arg, _CHOICE) for arg in args)})", _ATOMIC
-        if node.kind == "bool":
-            return self._truth(node)
-        return self._choice(node)
-
-    def _division(self, node: Node) -> tuple[str, int]:
-        sign, otherwise = _DIVISIONS[node.op]
-        left, right = node.args
-        text = f"{self.text(left, 12)} {sign} {self.text(right, 13)}"
-        if right.low > 0 or right.high < 0:
-            return text, 12
-        return f"{text} if {self.text(right, _OR)} else {otherwise}", _CHOICE
-
-    def _truth(self, node: Node) -> tuple[str, int]:
-        args = node.args
-        if node.op in ("and", "or"):
-            own = _AND if node.op == "and" else _OR
-            return f" {node.op} ".join(self.text(arg, own + 1) for arg in args), own
-        if node.op == "within":
-            return f"{-node.data!r} <= {self.text(args[0], _COMPARISON + 1)} <= {node.data!r}", _COMPARISON
-        if node.op == "not" and args[0].op in ("lt", "eq") and args[0] not in self.known:
-            left, right = (self.text(arg, _COMPARISON + 1) for arg in args[0].args)
-            return f"{left} {'>=' if args[0].op == 'lt' else '!='} {right}", _COMPARISON
-        if node.op == "not":
-            return f"not {self.text(args[0], _NOT)}", _NOT
-        left, right = (self.text(arg, _COMPARISON + 1) for arg in args)
-        return f"{left} {'<' if node.op == 'lt' else '=='} {right}", _COMPARISON
-
-    def _choice(self, node: Node) -> tuple[str, int]:
-        args = node.args
-        if node.op == "neg":
-            return f"-{self.text(args[0], _UNARY)}", _UNARY
-        if node.op == "select":
-            cond, then, els = args
-            return f"{self.text(then, _OR)} if {self.text(cond, _OR)} else {self.text(els, _CHOICE)}", _CHOICE
-        first = self.text(args[0], _COMPARISON + 1)
-        if node.op == "sqrt":
-            return (
-                (f"sqrt({first})", _ATOMIC)
-                if args[0].low >= 0
-                else (f"sqrt({first}) if {first} >= 0.0 else nan", _CHOICE)
-            )
-        if node.op == "isign":
-            return f"({first} > 0) - ({first} < 0)", 11
-        second = self.text(args[1], _COMPARISON + 1)
-        # of equal numbers max takes the left and min the right, as in Prolog: it shows in the sign of a zero
-        sign = ">=" if node.op == "max" else "<"
-        return f"{first} if {first} {sign} {second} else {second}", _CHOICE
 
     # ---------------------------------------------------------------- answers
 
     def _answer(self, answer: Answer) -> str:
         if answer.query.mode == "holds":
-            return self.text(answer.found, _OR)
+            return self.text(answer.found, OR)
         if answer.query.mode == "first" and answer.terms is not None:
             value = self._terms(answer.terms)
             return (
                 value
                 if answer.found is self.pool.true
-                else f"{value} if {self.text(answer.found, _OR)} else None"
+                else f"{value} if {self.text(answer.found, OR)} else None"
             )
         if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
             return self._chosen(answer)
@@ -489,7 +363,7 @@ class _Printer:
             if cond is self.pool.true:
                 self.write(f"{name}.append({self._term(value)})")
                 continue
-            with self.block(f"if {self.text(cond, _CHOICE)}:"):
+            with self.block(f"if {self.text(cond, CHOICE)}:"):
                 self.write(f"{name}.append({self._term(value)})")
         return name
 
@@ -505,11 +379,11 @@ class _Printer:
             self.write(f"{name}.append({self._terms(tree.terms)})")
         elif isinstance(tree, Guard):
             self._nested_quantifiers(tree.cond)
-            with self.block(f"if {self.text(tree.cond, _CHOICE)}:"):
+            with self.block(f"if {self.text(tree.cond, CHOICE)}:"):
                 self._collect(tree.body, name)
         elif isinstance(tree, Branch):
             self._nested_quantifiers(tree.cond)
-            with self.block(f"if {self.text(tree.cond, _CHOICE)}:"):
+            with self.block(f"if {self.text(tree.cond, CHOICE)}:"):
                 self._collect(tree.then, name)
             with self.block("else:"):
                 self._collect(tree.els, name)
@@ -536,7 +410,7 @@ class _Printer:
         term = resolve(term)
         if isinstance(term, Node):
             self._nested_quantifiers(term)
-            return self.text(term, _OR)
+            return self.text(term, OR)
         if isinstance(term, Bag):
             return self._solutions(term.tree, "items")
         if isinstance(term, Atom):

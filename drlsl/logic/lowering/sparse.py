@@ -8,8 +8,9 @@ shared ones hold.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Final
 
 from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
@@ -124,3 +125,63 @@ def _cost(node: Node, loop: Node, dense: set[Node]) -> int:
 
 def _add(node: Node, dense: set[Node]) -> None:
     dense.update(part for part in reach([node]) if part.free)
+
+
+class Conjunctions:
+    """Masks as pairs of masks, so that those with conditions in common share them."""
+
+    def __init__(self, pool: Pool, roots: Iterable[Node], sparse: Mapping[Node, Sparse]) -> None:
+        self._pool = pool
+        wanted: dict[tuple[Node, ...], list[Node]] = {}
+        seen: set[Node] = set()
+
+        def visit(node: Node) -> None:
+            if node in seen:
+                return
+            seen.add(node)
+            for arg in (*sparse[node].prefix, *sparse[node].inputs) if node in sparse else node.args:
+                visit(arg)
+            parts: tuple[Node, ...] = ()
+            if node.op == "and":
+                parts = conjuncts(node)
+            elif node in sparse:
+                parts = sparse[node].prefix
+            elif node.op in QUANTIFIERS or node.op == "where":
+                parts = mask_parts(pool, node)
+            if parts:
+                wanted.setdefault(parts, sorted(parts, key=lambda part: len(part.free)))
+
+        for root in roots:
+            visit(root)
+        # a condition of a quantifier is a part of its mask, not a mask of its own
+        self._made = {parts: self._pair_up(left) for parts, left in self._share(wanted).items()}
+
+    def of(self, parts: tuple[Node, ...]) -> Node:
+        """The node of a conjunction."""
+        return self._made[parts]
+
+    def _share(self, wanted: dict[tuple[Node, ...], list[Node]]) -> dict[tuple[Node, ...], list[Node]]:
+        while True:
+            counts: Counter[tuple[Node, Node]] = Counter()
+            for parts in wanted.values():
+                counts.update(combinations(parts, 2))
+            best = max(
+                counts, key=lambda pair: (counts[pair], -len(pair[0].free | pair[1].free)), default=None
+            )
+            if best is None or counts[best] < 2:
+                return wanted
+            pair = self._both(*best)
+            for parts in wanted.values():
+                if best[0] in parts and best[1] in parts:
+                    place = parts.index(best[0])
+                    parts[place] = pair
+                    parts.remove(best[1])
+
+    def _pair_up(self, parts: list[Node]) -> Node:
+        result, *others = sorted(parts, key=lambda part: len(part.free))
+        for other in others:
+            result = self._both(result, other)
+        return result
+
+    def _both(self, left: Node, right: Node) -> Node:
+        return self._pool.make("both", "bool", (left, right))

@@ -17,6 +17,15 @@ from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.ir import Node, Pool
 from drlsl.logic.lowering.numbers import Arithmetic, NotCovered, NoValue
 from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.logic.lowering.symbols import (
+    call_key,
+    conjunction,
+    has_cut,
+    is_atom,
+    is_ground,
+    renamed,
+    variables_of,
+)
 from drlsl.logic.lowering.trees import (
     FAIL,
     Bag,
@@ -413,7 +422,7 @@ class Unfolder:
 
         given = [map_terms(copied, arg) for arg in args]
         numbers = {variable: number for number, variable in enumerate(own.values())}
-        key = (predicate, self.counting, tuple(_key(arg, numbers) for arg in given))
+        key = (predicate, self.counting, tuple(call_key(arg, numbers) for arg in given))
         known = self._known.get(key)
         if known is None:
             if key in self._under_way or len(self._under_way) >= _MOST_CALLS:
@@ -483,67 +492,3 @@ class Unfolder:
                 if not self.unify(arg, map_terms(freshened, term), conds):
                     return FAIL
             return guard(self.pool.and_(conds), then())
-
-
-def conjunction(goal: Sym) -> list[Sym]:
-    """The goals of a conjunction, in order."""
-    goal = resolve(goal)
-    if isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
-        return [*conjunction(goal.args[0]), *conjunction(goal.args[1])]
-    return [goal]
-
-
-def is_atom(term: Sym, name: str) -> bool:
-    """Whether a term is the atom of that name."""
-    return isinstance(term, Atom) and term.name == name
-
-
-def has_cut(goal: Sym) -> bool:
-    """Whether a goal cuts the clause that it stands in."""
-    goal = resolve(goal)
-    if isinstance(goal, Struct) and len(goal.args) == 2:
-        if goal.name in (",", ";"):
-            return any(map(has_cut, goal.args))
-        if goal.name in ("->", "*->"):
-            return has_cut(goal.args[1])
-    return is_atom(goal, "!")
-
-
-def variables_of(terms: Sequence[Sym]) -> list[Var]:
-    """The unbound variables, in order of appearance."""
-    found: dict[Var, None] = {}
-
-    def visit(part: Sym) -> Sym:
-        if isinstance(part, Var):
-            found[part] = None
-        return part
-
-    for term in terms:
-        map_terms(visit, term)
-    return list(found)
-
-
-def is_ground(term: Sym) -> bool:
-    """Whether a term holds no unbound variable."""
-    return not variables_of([term])
-
-
-def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Sym]:
-    """The head's arguments and the body with variables of their own."""
-    fresh: dict[Sym, Sym] = {}
-
-    def visit(part: Sym) -> Sym:
-        return fresh.setdefault(part, Var(names.get(part, "_"))) if isinstance(part, Var) else part
-
-    names = {variable: name for name, variable in clause.names.items()}
-    return tuple(map_terms(visit, arg) for arg in clause.args), map_terms(visit, clause.body)
-
-
-def _key(term: Sym, numbers: dict[Sym, int]) -> Any:
-    if isinstance(term, Var):
-        return numbers[term]
-    if isinstance(term, Struct):
-        return (term.name, *(_key(arg, numbers) for arg in term.args))
-    if isinstance(term, Node | Bag | Atom):
-        return term
-    return type(term), repr(term)
