@@ -188,6 +188,8 @@ def test_a_row_that_no_key_finds() -> None:
         ("p(X) :- limit(L), X is L ** 0.5.", facts(limit=-2.0)),
         ("p(X) :- limit(L), X is L mod 2.", facts()),
         ("p(X) :- limit(_), X is foo + 1.", facts()),
+        ("p(X) :- limit(L), X is L + sqrt(1.0 - 2.0).", facts()),
+        ("p(X) :- limit(L), X is L * 1.0e300 * 1.0e300.", facts()),
         ("p(X) :- limit(_), X is Y + 1.", facts()),
         ("p(X) :- limit(X), nobody(X).", facts()),
         ("p(X) :- car(_, _, X), 1.0 / X > 2.0.", facts()),

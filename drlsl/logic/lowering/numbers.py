@@ -237,6 +237,8 @@ class Arithmetic:
         most = largest if largest is not None else float(INT_BOUND) if node.kind == "int" else _LARGEST
         if -most <= node.low and node.high <= most:
             return node
+        if node.is_const and not math.isfinite(node.data):
+            raise NoValue  # the interpreter raises an evaluation error
         if node.is_const:
             raise NotCovered(f"{node.data} is out of the range that generated code holds")
         self.need(self.pool.make("within", "bool", (node,), most))
