@@ -40,5 +40,23 @@ def engine(runs: Runs = 5, as_json: AsJson = False) -> None:
         print(f"{timing.program:<10} " + " ".join(f"{_milliseconds(cell):>12}" for cell in cells))
 
 
+@app.command()
+def rules(as_json: AsJson = False) -> None:
+    """Measure the rules in every tier, for one scene and for a batch, beside swipl where it is there."""
+    from drlsl.driving.bench import rule_speeds
+
+    speeds = rule_speeds()
+    if as_json:
+        print(json.dumps(speeds, indent=2))
+        return
+    print("one scene: its facts replaced and four queries asked [ms]")
+    for tier, by_vehicles in speeds["one_scene_ms"].items():
+        cells = "   ".join(f"{number} vehicles {value:7.3f}" for number, value in by_vehicles.items())
+        print(f"  {tier:<14} {cells}")
+    print("256 scenes with 40 vehicles: each scene [us]")
+    for tier, value in speeds["batch_us_per_scene"].items():
+        print(f"  {tier:<14} {value:8.2f}")
+
+
 def _milliseconds(seconds: float | None) -> str:
     return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"
