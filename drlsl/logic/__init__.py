@@ -22,7 +22,7 @@ from drlsl.logic.errors import (
     RepresentationError,
     ResourceError,
 )
-from drlsl.logic.solver import LimitExceeded, Limits
+from drlsl.logic.limits import LimitExceeded, Limits
 from drlsl.logic.values import Compound, Solution, String, Variable
 
 __all__ = [

@@ -267,12 +267,14 @@ class BodyCompiler:
         return self._branch(inner, _FAIL, following, FAIL_NODE, cut, above)
 
     def _conjunction(self, goal: Struct, following: Node, cut: int, above: int) -> Node:
-        goals = []
-        rest: Term = goal
-        while type(rest) is Struct and rest.name == "," and len(rest.args) == 2:
-            goals.append(rest.args[0])
-            rest = deref(rest.args[1])
-        goals.append(rest)
+        goals: list[Term] = []
+        todo: list[Term] = [goal]
+        while todo:
+            part = deref(todo.pop())
+            if type(part) is Struct and part.name == "," and len(part.args) == 2:
+                todo.extend((part.args[1], part.args[0]))
+            else:
+                goals.append(part)
         for part in reversed(goals):
             following = self._goal(part, following, cut, above)
         return following

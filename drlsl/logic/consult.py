@@ -19,6 +19,7 @@ from drlsl.logic.errors import (
     existence_error,
     instantiation_error,
     permission_error,
+    syntax_error,
     type_error,
 )
 from drlsl.logic.linking import builtin, library
@@ -195,7 +196,7 @@ class Loader:
 
     def _include(self, args: tuple[Term, ...], _read: ReadTerm, folder: Path | None) -> None:
         path = find_file(args[0], folder)
-        self._text(path.read_text(encoding="utf-8"), str(path), path.parent)
+        self._text(read_source(path), str(path), path.parent)
 
     def _ensure_loaded(self, args: tuple[Term, ...], read: ReadTerm, folder: Path | None) -> None:
         target = deref(args[0])
@@ -226,6 +227,27 @@ class Loader:
 def _indicator(head: Term) -> Indicator:
     name, args = callable_parts(head)
     return name, len(args)
+
+
+def read_source(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        PrologSyntaxError: It is not encoded in UTF-8.
+        OSError: It cannot be read.
+    """
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8")
+        bad = f"byte 0x{data[error.start]:02x} is no UTF-8; save the file in that encoding"
+        line = before.count("\n") + 1
+        column = len(before) - before.rfind("\n")
+        raise PrologSyntaxError(
+            syntax_error(bad).term, file=str(path), line=line, column=column, source=before.split("\n")[-1]
+        ) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def find_file(term: Term, folder: Path | None) -> Path:

@@ -12,19 +12,20 @@ from drlsl.logic import builtins
 from drlsl.logic.body import callable_parts
 from drlsl.logic.builtins import registry
 from drlsl.logic.builtins.database import name_term
-from drlsl.logic.consult import Loader, LoadWarning
-from drlsl.logic.errors import ExistenceError, PrologError, existence_error
+from drlsl.logic.consult import Loader, LoadWarning, read_source
+from drlsl.logic.errors import ExistenceError, existence_error
 from drlsl.logic.explanation import Explanation
 from drlsl.logic.flags import Flags
+from drlsl.logic.limits import Limits
 from drlsl.logic.linking import Linker, library
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Predicate, Program
 from drlsl.logic.proof import MAX_DEPTH, explain
 from drlsl.logic.reader import read_term
-from drlsl.logic.solver import FAIL, FOUND, Limits, Machine, Task, interpret
+from drlsl.logic.solver import FAIL, FOUND, Machine, Task, interpret
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import term_variables
-from drlsl.logic.values import Solution, Value, to_row, to_term, to_value
+from drlsl.logic.values import Compound, Solution, Value, to_row, to_term, to_value
 from drlsl.logic.writer import format_term
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Engine", "Query"]
 
-Goal: TypeAlias = "str | Atom | Struct"
+Goal: TypeAlias = "str | Compound | Atom | Struct"
 _UNLIMITED = Limits()
 
 
@@ -99,7 +100,7 @@ class Engine:
             OSError: The file cannot be read.
         """
         path = Path(path)
-        self._load(path.read_text(encoding="utf-8"), str(path), path.parent, path.resolve())
+        self._load(read_source(path), str(path), path.parent, path.resolve())
 
     def consult_text(self, text: str, name: str = "text") -> None:
         """Load a program from a string; `name` stands for a file's name in messages.
@@ -112,18 +113,17 @@ class Engine:
     def _load(self, text: str, name: str, folder: Path | None, path: Path | None) -> None:
         before = self.program.snapshot()
         operators, flags, warned = self.operators.copy(), self.flags.copy(), len(self.warnings)
+        loaded = set(self.loaded)
         if path is not None:
             self.program.remove_source(name)
             self.loaded.add(path)
         try:
             Loader(self, name).load(text, folder)
-        except (PrologError, OSError):
+        except BaseException:  # an interrupt must not leave half a program either
             self.program.restore(before)
             self.linker.relink()
-            self.operators, self.flags = operators, flags
+            self.operators, self.flags, self.loaded = operators, flags, loaded
             del self.warnings[warned:]
-            if path is not None:
-                self.loaded.discard(path)
             raise
 
     def run_directive(self, goal: Term, output: TextIO | None = None) -> bool:
@@ -131,7 +131,7 @@ class Engine:
         machine = Machine(self, _UNLIMITED)
         machine.output = output or self.output
         try:
-            return machine.solve(machine.call(goal, FOUND))
+            return machine.solve((_prove, goal, FOUND))
         finally:
             machine.close()
 
@@ -158,11 +158,13 @@ class Engine:
 
         Raises:
             PrologSyntaxError: The text is no goal.
+            PrologTypeError, TypeError: The value is no goal, or no value at all.
         """
         if isinstance(goal, str):
             read = read_term(goal, self.operators, self.flags, "query")
             return Query(self, read.term, read.variables)
-        return Query(self, goal, {variable.name: variable for variable in term_variables(goal)})
+        term = to_term(goal)
+        return Query(self, term, {variable.name: variable for variable in term_variables(term)})
 
     def query(self, goal: Goal, *, limits: Limits | None = None) -> Iterator[Solution]:
         """The solutions of a goal, each sought when it is asked for; the iterator may be dropped early.
@@ -194,12 +196,16 @@ class Engine:
             read = read_term(goal, self.operators, self.flags, "query")
             term, variables = read.term, read.variables
         else:
-            term, variables = goal, {variable.name: variable for variable in term_variables(goal)}
+            term = to_term(goal)
+            variables = {variable.name: variable for variable in term_variables(term)}
         return explain(self, term, variables, limits=limits or _UNLIMITED, max_depth=max_depth)
 
     def format(self, value: Value) -> str:
         """The text of a solution's value, with the engine's operators; it reads back as the same term."""
-        return format_term(to_term(value), self.operators, quoted=True)
+        variables: dict[str, Var] = {}
+        term = to_term(value, variables)
+        names = {id(variable): name for name, variable in variables.items()}
+        return format_term(term, self.operators, quoted=True, variable_names=names)
 
     def undefined(self, machine: Machine, predicate: Predicate, _args: Any, _continuation: Task) -> Task:
         """What a call of an unknown predicate does, by the flag `unknown`."""
@@ -209,6 +215,17 @@ class Engine:
         if machine.flags.unknown == "warning":
             self.warnings.append(LoadWarning(f"unknown procedure {name}/{arity}", "query"))
         return FAIL
+
+
+# The first task of a search; the search then takes care of what goes wrong with the goal.
+
+
+def _ask(machine: Machine, task: Task) -> Task:
+    return interpret(machine, task[1], task[2], task[3])
+
+
+def _prove(machine: Machine, task: Task) -> Task:
+    return machine.call(task[1], task[2])
 
 
 class Query:
@@ -259,7 +276,7 @@ class Query:
         return Machine(self._engine, limits or _UNLIMITED), [Var(name) for name in self._names]
 
     def _task(self, machine: Machine, args: list[Var]) -> Task:
-        return interpret(machine, self._predicate, args, FOUND)
+        return _ask, self._predicate, args, FOUND
 
     def _solution(self, args: list[Var]) -> Solution:
         # Of variables that are bound to each other, the first gives its name to all.

@@ -157,7 +157,7 @@ class Predicate:
         """The rows whose first argument equals `first`, a dereferenced term, or all when it is a variable."""
         rows = self.rows
         assert rows is not None
-        if type(first) is Var:
+        if type(first) is Var or not self.arity:
             return rows
         index = self._row_index
         if index is None:

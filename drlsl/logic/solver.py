@@ -15,7 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from functools import partial
 from itertools import repeat
 from typing import TYPE_CHECKING, Any, Final, TextIO, TypeAlias
 
@@ -40,7 +40,11 @@ from drlsl.logic.body import (
     compile_clause,
 )
 from drlsl.logic.body import FAIL as FAIL_OP
-from drlsl.logic.errors import PrologError, ResourceError, resource_error
+from drlsl.logic.errors import PrologError, resource_error
+from drlsl.logic.heads import arguments, match, match_row
+from drlsl.logic.limits import LimitExceeded as LimitExceeded
+from drlsl.logic.limits import Limits as Limits
+from drlsl.logic.limits import exceeded
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import UndoCall, compact, copy_term, undo, unify
 
@@ -60,27 +64,6 @@ _ROUNDS: Final = 250
 _COMPACT_TRAIL: Final = 250
 
 
-class LimitExceeded(ResourceError):
-    """A query went beyond its `Limits`. The program cannot catch it; the engine stays usable."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """How much one query may use; None means no bound.
-
-    Attributes:
-        inferences: calls of predicates.
-        seconds: wall-clock time spent searching [s], checked every few thousand inferences.
-        depth: calls waiting for an inner one to end, checked about as often.
-        trail: bindings that backtracking would have to undo and choice points it could go back to, together.
-    """
-
-    inferences: int | None = None
-    seconds: float | None = None
-    depth: int | None = 5_000_000
-    trail: int | None = 20_000_000
-
-
 class Machine:
     """One search: its trail, its choice points and what it may use."""
 
@@ -89,6 +72,7 @@ class Machine:
         "_depth_at",
         "_slice",
         "_trail_at",
+        "_unwinding",
         "choices",
         "compiled",
         "engine",
@@ -130,6 +114,7 @@ class Machine:
         self._slice = 0
         self.left = 0
         self.rounds = _ROUNDS
+        self._unwinding = False
         self._next_slice()
 
     # ------------------------------------------------------------------ what builtins ask
@@ -196,6 +181,13 @@ class Machine:
         if isinstance(error, LimitExceeded):
             raise error
         ball = copy_term(error.term)
+        self._unwinding = True
+        try:
+            return self._unwind(ball, error)
+        finally:
+            self._unwinding = False
+
+    def _unwind(self, ball: Term, error: PrologError) -> Task:
         choices = self.choices
         while choices:
             choice = choices.pop()
@@ -214,6 +206,14 @@ class Machine:
         error.term = ball
         raise error
 
+    def reenter(self, point: CatchPoint) -> None:
+        """Backtracking goes back into the goal of a catch/3, which catches again from here on.
+
+        An error on its way out undoes the exit too, but goes back into nothing.
+        """
+        if not self._unwinding:
+            point.active = True
+
     # ------------------------------------------------------------------ limits
 
     def tick(self, task: Task | None) -> None:
@@ -226,14 +226,14 @@ class Machine:
         self._slice = self.left = 0
         limits = self.limits
         if limits.inferences is not None and self.inferences >= limits.inferences:
-            raise _exceeded("inferences", f"{limits.inferences} inferences")
+            raise exceeded("inferences", f"{limits.inferences} inferences")
         if self._deadline is not None and time.monotonic() > self._deadline:
-            raise _exceeded("seconds", f"{limits.seconds} s")
+            raise exceeded("seconds", f"{limits.seconds} s")
         self._check_trail()
         if limits.depth is not None and self.inferences >= self._depth_at:
             depth = _depth(task)
             if depth > limits.depth:
-                raise _exceeded("depth", f"{limits.depth} nested calls")
+                raise exceeded("depth", f"{limits.depth} nested calls")
             # A call deepens the search by one at most, so nothing can go wrong before this.
             self._depth_at = self.inferences + max(limits.depth - depth, limits.depth // 8)
         self._next_slice()
@@ -253,13 +253,7 @@ class Machine:
             self._trail_at = max(_COMPACT_TRAIL, 2 * size)
         most = self.limits.trail
         if most is not None and size + len(self.choices) > most:
-            raise _exceeded("trail", f"{most} bindings and choice points")
-
-
-def _exceeded(resource: str, bound: str) -> LimitExceeded:
-    error = LimitExceeded(resource_error(resource).term)
-    error.add_note(f"The query went beyond its limit of {bound}.")
-    return error
+            raise exceeded("trail", f"{most} bindings and choice points")
 
 
 def _depth(task: Task | None) -> int:
@@ -337,7 +331,7 @@ def exit_catch(machine: Machine, task: Task) -> Task:
         machine.choices.pop()
     else:
         point.active = False
-        machine.trail_call(lambda: setattr(point, "active", True))
+        machine.trail_call(partial(machine.reenter, point))
     continuation: Task = task[2]
     return continuation
 
@@ -408,31 +402,6 @@ def other_rows(machine: Machine, choice: Choice) -> Task:
 # ---------------------------------------------------------------------- calls
 
 
-def arguments(parts: tuple[Any, ...], frame: list[Any]) -> list[Any]:
-    """The arguments of a goal, dereferenced."""
-    args = []
-    for part in parts:
-        kind = type(part)
-        if kind is Local:
-            term = frame[part.index]
-            if term is None:
-                term = frame[part.index] = Var()
-            else:
-                while type(term) is Var:
-                    ref = term.ref
-                    if ref is None:
-                        break
-                    term = ref
-            args.append(term)
-        elif kind is Pattern or kind is DeepPattern:
-            args.append(build(part, frame))
-        elif kind is Var:
-            args.append(deref(part))
-        else:
-            args.append(part)
-    return args
-
-
 def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
     """Call a predicate with dereferenced arguments, by its compiled code if the engine uses such."""
     if machine.compiled:
@@ -471,22 +440,6 @@ def try_rows(
         if len(trail) > mark:
             undo(trail, mark)
     return FAIL
-
-
-def match_row(row: tuple[Any, ...], args: Sequence[Any], trail: list[Any]) -> bool:
-    """Unify atomic terms with arguments, one by one."""
-    for value, arg in zip(row, args, strict=True):
-        while type(arg) is Var:
-            ref = arg.ref
-            if ref is None:
-                arg.ref = value
-                trail.append(arg)
-                break
-            arg = ref
-        else:
-            if arg is not value and (type(arg) is not type(value) or arg != value):
-                return False
-    return True
 
 
 def try_clauses(
@@ -539,42 +492,6 @@ def try_clauses(
         if len(trail) > mark:
             undo(trail, mark)
     return FAIL
-
-
-def match(pattern: Pattern, term: Term, frame: list[Any], trail: list[Any]) -> bool:
-    """Unify a pattern with a term."""
-    while True:
-        while type(term) is Var:
-            ref = term.ref
-            if ref is None:
-                term.ref = build(pattern, frame)
-                trail.append(term)
-                return True
-            term = ref
-        if type(term) is not Struct or term.name != pattern.name:
-            return False
-        parts = pattern.args
-        args = term.args
-        if len(parts) != len(args):
-            return False
-        for part, arg in zip(parts, args):  # noqa: B905  (the lengths are equal, and strict costs time here)
-            kind = type(part)
-            if kind is First:
-                while type(arg) is Var:
-                    ref = arg.ref
-                    if ref is None:
-                        break
-                    arg = ref
-                frame[part.index] = arg
-            elif kind is Local:
-                if not unify(frame[part.index], arg, trail):
-                    return False
-            elif kind is Pattern:
-                if not match(part, arg, frame, trail):
-                    return False
-            elif arg is not part and not unify(part, arg, trail):
-                return False
-        return True
 
 
 # ---------------------------------------------------------------------- the loop

@@ -13,7 +13,6 @@ from typing import Any, Final, Protocol
 from drlsl.logic.errors import representation_error
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
-
 # After so many steps a walk through a term looks whether the term is cyclic.
 _LONG_WALK: Final = 1_500_000
 
@@ -74,7 +73,7 @@ def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
 
 
 class _Patience:
-    """Makes sure, once a walk has taken long, that it is not the walk of a cyclic term, which would never end."""
+    """Makes sure, once a walk has taken long, that it is not of a cyclic term, which would never end."""
 
     __slots__ = ("left",)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from math import isnan
 from typing import Any, Final, TypeAlias, Union
 
 from drlsl.logic.errors import representation_error
@@ -124,23 +125,46 @@ def _simple_value(term: Term, names: Mapping[Term, str]) -> Value:
 def to_term(value: Any, variables: dict[str, Var] | None = None) -> Term:
     """A Python value as a term: the inverse of `to_value`. Terms stay as they are.
 
+    `variables` holds, and receives, the variables by their names.
+
     Raises:
         TypeError: The value is nothing that a term can be made of; a bool in particular.
+        ValueError: A list contains itself, or a number is NaN.
     """
-    kind = type(value)
-    if kind is str:
-        return Atom(value)
-    if kind is int or kind is float or kind is Atom or kind is Var or kind is Struct:
-        return value  # type: ignore[no-any-return]  # kind says so
+    known = {} if variables is None else variables
+    if not isinstance(value, _COMPOUND):
+        return _simple_term(value, known)
+    made: dict[int, Term] = {}
+    begun: set[int] = set()
+    todo = [value]
+    while todo:
+        part = todo[-1]
+        inside = part.args if isinstance(part, Compound) else part
+        missing = [each for each in inside if isinstance(each, _COMPOUND) and id(each) not in made]
+        if missing:
+            if id(part) in begun:
+                raise ValueError("the value contains itself, so no term can be made of it")
+            begun.add(id(part))
+            todo.extend(missing)
+            continue
+        todo.pop()
+        terms = [
+            made[id(each)] if isinstance(each, _COMPOUND) else _simple_term(each, known) for each in inside
+        ]
+        made[id(part)] = Struct(part.name, tuple(terms)) if isinstance(part, Compound) else make_list(terms)
+    return made[id(value)]
+
+
+_COMPOUND: Final = (list, tuple, Compound)
+
+
+def _simple_term(value: Any, known: dict[str, Var]) -> Term:
+    if isinstance(value, (Var, Struct)):
+        return value
     if isinstance(value, String):
         return str(value)
     if isinstance(value, Variable):
-        known = variables if variables is not None else {}
         return known.setdefault(value.name, Var(value.name))
-    if isinstance(value, (list, tuple)):
-        return make_list([to_term(item, variables) for item in value])
-    if isinstance(value, Compound):
-        return Struct(value.name, tuple(to_term(arg, variables) for arg in value.args))
     return to_atomic(value)
 
 
@@ -149,6 +173,7 @@ def to_atomic(value: Any) -> Term:
 
     Raises:
         TypeError: It is something else; a bool is refused too, since Prolog has none.
+        ValueError: It is NaN.
     """
     if isinstance(value, Atom):
         return value
@@ -159,6 +184,8 @@ def to_atomic(value: Any) -> Term:
     if isinstance(value, int):
         return int(value)
     if isinstance(value, float):
+        if isnan(value):
+            raise ValueError("NaN is no value: it would make every comparison fail")
         return float(value)
     raise TypeError(f"expected a str, an int or a float, got {type(value).__name__}: {value!r}")
 
@@ -168,14 +195,14 @@ def to_row(row: Iterable[Any], name: str, arity: int) -> tuple[Term, ...]:
 
     Raises:
         TypeError: One of them is no `str`, `int` or `float`.
-        ValueError: Their number is not `arity`.
+        ValueError: Their number is not `arity`, or one of them is NaN.
     """
     terms = tuple(
         [
             Atom(value)
             if type(value) is str
             else value
-            if type(value) is float or type(value) is int
+            if type(value) is int or (type(value) is float and value == value)
             else to_atomic(value)
             for value in row
         ]

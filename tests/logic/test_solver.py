@@ -93,6 +93,11 @@ def test_reentered_catch_catches_again(engine: Engine) -> None:
     assert values(engine, goal) == [1, "caught"]
 
 
+def test_error_passes_a_catch_that_was_exited_with_choices_left(engine: Engine) -> None:
+    goal = "catch((catch(a(Y), _, true), throw(oops(Y))), oops(X), true)"
+    assert values(engine, goal) == [1]
+
+
 def test_bindings_are_undone_before_recovery(engine: Engine) -> None:
     assert engine.once("catch((X = 1, throw(oops)), oops, var(X))") is not None
 

@@ -113,7 +113,7 @@ permutation_lengths(Xs, Ys) :- is_list(Ys), !, length(Ys, N), length(Xs, N).
 permutation_lengths(Xs, Ys) :- length(Xs, N), length(Ys, N).
 
 permutation_([], []).
-permutation_([X|Xs], Ys) :- permutation_(Xs, Zs), select(X, Ys, Zs).
+permutation_(Xs, [Y|Ys]) :- select(Y, Xs, Rest), permutation_(Rest, Ys).
 
 flatten(L, F) :- flatten_(L, [], F0), !, F = F0.
 
