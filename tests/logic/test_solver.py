@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import signal
 import threading
 import tracemalloc
 
@@ -213,3 +214,18 @@ def test_engines_run_in_threads_of_their_own() -> None:
     for thread in threads:
         thread.join()
     assert results == {number: [number] for number in range(4)}
+
+
+def test_interrupt_leaves_the_engine_usable(engine: Engine) -> None:
+    def interrupt(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        with pytest.raises(KeyboardInterrupt):
+            engine.holds("catch(loop, _, true)")
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert values(engine, "a(X)") == [1, 2, 3]
