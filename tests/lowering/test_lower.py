@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drlsl.logic import Engine, EvaluationError
+from drlsl.logic.lowering import numpy_backend
 from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.lower import Mode, Query, lower
+from drlsl.logic.lowering.numpy_backend import Rows, compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar, scalar_source
 from drlsl.logic.lowering.schema import INT_BOUND, Relation, Schema
-from tests.lowering.tiers import Facts, Tiers, ask
+from tests.lowering.tiers import Facts, Tiers, ask, to_rows
 
 SCHEMA = Schema(
     [
@@ -317,6 +320,59 @@ def test_several_rows_picked_out_inside_a_loop() -> None:
     assert answer(text, "p/2", "first", scene) == ("a", 4)
     assert answer(text, "p/2", "all", scene) == [("a", 4), ("b", 3), ("b", 4), ("c", 3), ("c", 4)]
     assert tiers(text, "p/2", "first").check([scene, facts(cars=CARS), facts()]) == 3
+
+
+def test_scenes_in_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (
+        "p(C, S) :- limit(L), aggregate_all(min(X, D), ( car(D, _, X), X > L ), min(_, C)), lane(1, S, _). "
+        "q :- car(_, N, X), lane(N, left, W), X > W."
+    )
+    scenes = [facts(cars=CARS[: 1 + n % 4], limit=n / 3) for n in range(11)]
+    for chunk in (1, 2, 4, 11, 2048):
+        monkeypatch.setattr(numpy_backend, "CHUNK", chunk)
+        assert tiers(text, "p/2", "first").check(scenes) == 11
+        assert tiers(text, "q/0", "holds").check(scenes) == 11
+
+
+def test_shared_rows_and_ready_tables() -> None:
+    lowered = lower(
+        engine_of("p(C) :- car(C, N, X), C \\== ego, lane(N, left, W), X > W."),
+        SCHEMA,
+        [Query("p", 1, "first")],
+    )
+    program = compile_numpy(lowered)
+    scenes = [facts(cars=CARS[:count]) for count in (1, 2, 3, 4)]
+    rows = to_rows(program, SCHEMA, scenes)
+    lanes = Rows([column[:1] for column in rows["lane", 3].columns if column is not None])
+    apart = program(rows)
+    assert np.array_equal(program({**rows, ("lane", 3): lanes}).answers[0].value, apart.answers[0].value)
+    ready = program.table("lane", 3, lanes)
+    cars = rows["car", 3]
+    given = Rows([np.asfortranarray(column) for column in cars.columns if column is not None], cars.valid)
+    result = program({**rows, ("lane", 3): ready, ("car", 3): given})
+    assert np.array_equal(result.answers[0].fails, [True, False, False, False])
+    assert program.atom(int(result.answers[0].value[1])) == "a"
+    assert not result.undecided.any()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({("lane", 3): None}, "no facts of lane/3"),
+        ({("lane", 3): Rows([np.ones((2, 1))] * 2)}, "lane/3: 2 columns"),
+        ({("lane", 3): Rows([np.ones(2)] * 3)}, "lane/3: a column of shape"),
+        ({("lane", 3): Rows([None, np.ones((2, 1)), np.ones((2, 1))])}, "column 0 of lane/3"),
+        ({("lane", 3): Rows([np.ones((3, 1))] * 3)}, "scenes where others have"),
+    ],
+)
+def test_arrays_that_do_not_fit(change: dict[tuple[str, int], Rows | None], message: str) -> None:
+    lowered = lower(
+        engine_of("p :- car(_, N, X), lane(N, left, W), X > W."), SCHEMA, [Query("p", 0, "holds")]
+    )
+    program = compile_numpy(lowered)
+    given = {**to_rows(program, SCHEMA, [facts(), facts()]), **change}
+    with pytest.raises(ValueError, match=message):
+        program({key: rows for key, rows in given.items() if rows is not None})
 
 
 def test_a_test_that_several_quantifiers_share_is_written_once() -> None:

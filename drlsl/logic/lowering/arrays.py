@@ -8,6 +8,7 @@ NumPy.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -386,6 +387,9 @@ class ArrayPrinter:
             valid = self._text(self.pool.make("valid", "bool", (node,)), _LOOSE)
             return f"xp.positions({valid}, {int(_ranges_over_others(node))})", _ATOMIC
         axes = self._axes(node)
+        if node.op == "div" and node.args[1].is_const and math.frexp(node.args[1].data)[0] == 0.5:
+            # by a power of two: the product is the same number, and comes sooner
+            return f"{self._text(node.args[0], 12)} * {1.0 / node.args[1].data!r}", 12
         if node.op in _INFIX:
             sign, own = _INFIX[node.op]
             first, *others = node.args

@@ -214,4 +214,6 @@ class Ops:
 def _highest(value: Array) -> Any:
     """What is above every value that counts."""
     kind = np.asarray(value).dtype
+    if kind == np.float64:
+        return np.inf
     return np.iinfo(kind).max if kind.kind == "i" else kind.type(np.inf)
