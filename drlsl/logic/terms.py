@@ -1,7 +1,8 @@
 """The terms of Prolog as Python values.
 
 A term is an `Atom`, a `Var`, a `Struct`, an `int`, a `float` or, for Prolog's string type, a `str`.
-Lists are ``Struct(".", (head, tail))`` cells that end in the atom ``[]``; the curly term is ``Struct("{}", (t,))``.
+Lists are ``Struct(".", (head, tail))`` cells that end in the atom ``[]``; the curly term ``{t}`` is
+``Struct("{}", (t,))``.
 """
 
 from __future__ import annotations
