@@ -120,6 +120,7 @@ CARS = [("ego", 1, 0.0), ("a", 1, 7.0), ("b", 2, 3.0), ("c", 1, 3.0)]
             23.1,
         ),
         ("p(S) :- aggregate_all(sum(X), car(_, 9, X), S).", "p/1", "first", 0),
+        ("p(S) :- aggregate_all(sum(X), ( X = 0.5 ; car(_, 9, X), 1 mod 2.0 < X ), S).", "p/1", "first", 0.5),
         # lists
         ("p(Xs) :- findall(X, ( member(X, [a, b, c]), X \\== b ), Xs).", "p/1", "first", ["a", "c"]),
         ("p(N) :- findall(X, car(_, _, X), Xs), length(Xs, N).", "p/1", "first", 4),

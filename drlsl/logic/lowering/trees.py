@@ -453,6 +453,8 @@ class Folder:
 
     def _total_of_rows(self, tree: Each, start: Node) -> Node:
         pool = self.pool
+        if leaves(tree.body) == 0:
+            return start
         if start.kind == "int":
             cond, value = self.exists(tree.body), self._total(tree.body, pool.const(0))
         else:
