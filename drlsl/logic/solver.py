@@ -248,9 +248,11 @@ class Machine:
     def _check_trail(self) -> None:
         size = len(self.trail)
         if size > self._trail_at:
-            compact(self.trail, self.choices[-1][1] if self.choices else 0, ())
+            start = self.choices[-1][1] if self.choices else 0
+            compact(self.trail, start, ())
             size = len(self.trail)
-            self._trail_at = max(_COMPACT_TRAIL, 2 * size)
+            # What lies before the newest choice point was not looked at, and soon may be.
+            self._trail_at = size + max(_COMPACT_TRAIL, size - start)
         most = self.limits.trail
         if most is not None and size + len(self.choices) > most:
             raise exceeded("trail", f"{most} bindings and choice points")
