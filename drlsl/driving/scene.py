@@ -74,9 +74,9 @@ class Scene:
     target_lane: int
 
     def in_range(self) -> tuple[Vehicle, ...]:
-        """The vehicles that the ego's radar reaches."""
+        """The vehicles in radar range; one whose place is NaN is kept, for the rules to fail on."""
         ego, reach = self.ego, self.road.radar_range
-        return tuple(car for car in self.vehicles if math.hypot(car.x - ego.x, car.y - ego.y) <= reach)
+        return tuple(car for car in self.vehicles if not math.hypot(car.x - ego.x, car.y - ego.y) > reach)
 
 
 def road_facts(road: Road) -> Facts:

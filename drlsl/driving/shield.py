@@ -163,13 +163,21 @@ class Shield:
         return self._arrays
 
     def state_facts(self, scene: Scene) -> None:
-        """Tell the engine about `scene`: its facts replace those of the scene before."""
+        """Tell the engine about `scene`: its facts replace those of the scene before.
+
+        Raises:
+            RuleFailure: a number is NaN.
+        """
+        facts = scene_facts(scene)
         if scene.road is not self._road:
-            for (name, arity), rows in road_facts(scene.road).items():
+            facts |= road_facts(scene.road)
+        self._road = None
+        for (name, arity), rows in facts.items():
+            try:
                 self.engine.replace_facts(name, arity, rows)
-            self._road = scene.road
-        for (name, arity), rows in scene_facts(scene).items():
-            self.engine.replace_facts(name, arity, rows)
+            except ValueError as error:
+                raise RuleFailure(f"the fact {name}/{arity} cannot be told: {error}") from error
+        self._road = scene.road
 
     def checked(
         self, *, actions: list[object], speed: object, observation: object, front_is_free: bool, lane: object

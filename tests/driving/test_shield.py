@@ -19,6 +19,12 @@ from tests.scenes import road, scenes
 TIERS = ("interpreter", "scalar", "numpy")
 SCENE = Scene(road(0, 3), Vehicle(EGO, 2, 0.0, 7.25, 30.0, 0.0, 4.6, 1.9), (), 2)
 
+SHIELDS = {
+    (program, tier): Shield.from_files([Path(__file__).parents[2] / "rules" / program], tier=tier)
+    for program in ("highway.pl", "paper.pl")
+    for tier in TIERS
+}
+
 USABLE = {
     "safe_actions": "safe_actions(lane_keeping).",
     "front_is_free": "front_is_free.",
@@ -100,19 +106,33 @@ def test_only_the_failing_scene_of_a_batch_takes_the_fail_safe(tier: str) -> Non
     assert decisions.target_speed[0] == pytest.approx(1 / 3)
 
 
+@pytest.mark.parametrize("tier", TIERS)
+@pytest.mark.parametrize("field", ["x", "y", "vx", "vy", "length", "width"])
+@pytest.mark.parametrize("who", ["ego", "other"])
+def test_a_number_that_is_none_is_never_overlooked(tier: str, field: str, who: str) -> None:
+    other = Vehicle("v0", 2, 40.0, 7.25, 20.0, 0.0, 4.6, 1.9)
+    ego = SCENE.ego
+    if who == "ego":
+        ego = ego._replace(**{field: math.nan})
+    else:
+        other = other._replace(**{field: math.nan})
+    scene = Scene(SCENE.road, ego, (other,), 2)
+    tested = SHIELDS["highway.pl", tier]
+    with pytest.raises(RuleFailure):
+        SHIELDS["highway.pl", "interpreter"].decide(scene)
+    decisions = tested.decide_batch(SceneBatch.of([SCENE, scene]))
+    assert set(decisions.failures) == {1}
+    assert decisions.action_mask[1].tolist() == [True, False, False]
+    assert 0 <= decisions.target_speed[1] <= 30.0
+    assert tested.decide_batch(SceneBatch.of([SCENE, SCENE])).failures == {}
+
+
 def test_files_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="cannot read the rule file"):
         Shield.from_files([tmp_path / "none.pl"])
     (tmp_path / "bad.pl").write_text("safe_actions(lane_keeping).\nfront_is_free :- ( .\n")
     with pytest.raises(PrologSyntaxError, match=r"bad\.pl:2:"):
         Shield.from_files([tmp_path / "bad.pl"])
-
-
-SHIELDS = {
-    (program, tier): Shield.from_files([Path(__file__).parents[2] / "rules" / program], tier=tier)
-    for program in ("highway.pl", "paper.pl")
-    for tier in TIERS
-}
 
 
 @pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
