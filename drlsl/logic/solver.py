@@ -113,7 +113,8 @@ class Machine:
         self._trail_at = _COMPACT_TRAIL
         self._slice = 0
         self.left = 0
-        self.rounds = _ROUNDS
+        # A loop in compiled code counts as one inference, so where they are limited it goes round once.
+        self.rounds = _ROUNDS if limits.inferences is None else 0
         self._unwinding = False
         self._next_slice()
 

@@ -105,18 +105,7 @@ def test_each_query_has_limits_of_its_own(engine: Engine) -> None:
         engine.prepare("forever").holds(Limits(inferences=500))
 
 
-@pytest.mark.parametrize(
-    "compiled",
-    [
-        False,
-        pytest.param(
-            True,
-            marks=pytest.mark.xfail(
-                strict=True, reason="a compiled loop counts as one inference each time it is entered"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("compiled", [False, True])
 def test_every_round_of_a_loop_is_an_inference(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tiers, "_WORTH_IT", -1)
     engine = Engine(compiled=compiled)
