@@ -40,6 +40,7 @@ def stress(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Drive episodes with random or always-changing choices among what is offered, and count contacts."""
+    from rich.console import Console
     from rich.progress import Progress
 
     from drlsl.driving.config import EnvConfig
@@ -55,7 +56,8 @@ def stress(
     shield = Shield.from_files(rules or (), tier=config.tier)
     recordings = [load_recording(name) for name in recording]
     report = StressReport()
-    with Progress(transient=True, disable=as_json) as progress:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"{policy} policy, {shield.tier} rules", total=episodes)
         for report in run(config, recordings, shield, POLICIES[policy], episodes=episodes, seed=seed):
             progress.update(task, completed=report.episodes)
