@@ -67,21 +67,31 @@ class SceneBatch:
             table[:, n, : len(vehicles)] = np.array([vehicle[1:] for vehicle in vehicles], dtype=np.float64).T
             valid[n, : len(vehicles)] = True
         ids = np.broadcast_to(np.arange(EGO_ID, slots + EGO_ID), valid.shape)
-        lane, x, y, vx, vy, length, width = table
-        return cls(
+        return cls.from_numbers(
+            table[1:],
             roads=tuple(roads),
             road=np.array(road),
             target_lane=np.array([scene.target_lane for scene in scenes]),
             id=ids,
-            lane=lane.astype(np.int64),
-            x=x,
-            y=y,
-            vx=vx,
-            vy=vy,
-            length=length,
-            width=width,
+            lane=table[0].astype(np.int64),
             valid=valid,
         )
+
+    @classmethod
+    def from_numbers(
+        cls,
+        numbers: Floats,
+        *,
+        roads: tuple[Road, ...],
+        road: Integers,
+        target_lane: Integers,
+        id: Integers,
+        lane: Integers,
+        valid: Mask,
+    ) -> SceneBatch:
+        """A batch whose x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
+        x, y, vx, vy, length, width = numbers
+        return cls(roads, road, target_lane, id, lane, x, y, vx, vy, length, width, valid)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -109,20 +109,18 @@ def _scenes(playback: Playback, entries: list[Entry], size: tuple[float, float])
         [size[1]] * count,
     ]
     lanes = np.array([entry.lane.id for entry in entries])
-    x, y, vx, vy, length, width = numbers
-    return SceneBatch(
+    x, y = numbers[:2]
+    own = np.full((count, 1), EGO_ID)
+    return SceneBatch.from_numbers(
+        numbers,
         roads=(playback.road,),
         road=np.zeros(count, dtype=np.int64),
         target_lane=lanes,
-        id=np.broadcast_to(np.concatenate(([EGO_ID], playback.vehicle[frame, slots])), shape),
+        id=np.concatenate(
+            (own, np.broadcast_to(playback.vehicle[frame, slots], (count, slots.size))), axis=1
+        ),
         lane=np.concatenate(
             (lanes[:, None], np.broadcast_to(playback.lane[frame, slots], (count, slots.size))), axis=1
         ),
-        x=x,
-        y=y,
-        vx=vx,
-        vy=vy,
-        length=length,
-        width=width,
         valid=np.hypot(x - x[:, :1], y - y[:, :1]) <= playback.road.radar_range,
     )

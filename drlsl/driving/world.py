@@ -353,22 +353,17 @@ class World:
         own = (egos.x, egos.y, self.playbacks.sign[egos.playback] * egos.speed, egos.vy, *self._size)
         for column, value in zip(numbers, own, strict=True):
             column[:, 0] = value
-        x, y, vx, vy, length, width = numbers
+        x, y = numbers[:2]
         reach = np.hypot(x - x[:, :1], y - y[:, :1]) <= self.config.radar_range
         reach[:, 1:] &= traffic.valid
         own_lane = self.playbacks.lane_at(egos.playback, egos.y)
-        scenes = SceneBatch(
+        scenes = SceneBatch.from_numbers(
+            numbers,
             roads=self.playbacks.roads,
             road=self.playbacks.road[egos.playback],
             target_lane=egos.target_lane.copy(),
             id=np.concatenate((np.full((self.count, 1), EGO_ID), traffic.vehicle), axis=1),
             lane=np.concatenate((own_lane[:, None], traffic.lane), axis=1),
-            x=x,
-            y=y,
-            vx=vx,
-            vy=vy,
-            length=length,
-            width=width,
             valid=reach,
         )
         decisions = self.shield.decide_batch(scenes)
