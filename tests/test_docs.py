@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -34,6 +36,16 @@ def test_commands_that_are_shown_exist(page: Path) -> None:
     ):
         name = f"{first} {second}" if first in groups else first
         assert name in known, f"{page.name} shows drlsl {name}"
+
+
+def test_the_python_of_the_readme_runs() -> None:
+    """In an interpreter of its own: what another test has imported must not help it."""
+    blocks = re.findall(
+        r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S
+    )
+    assert blocks
+    for block in blocks:
+        subprocess.run([sys.executable, "-c", block], cwd=ROOT, check=True)
 
 
 @pytest.mark.parametrize("program", sorted((ROOT / "rules").glob("*.pl")), ids=lambda path: path.name)

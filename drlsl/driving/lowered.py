@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -10,14 +10,12 @@ import numpy.typing as npt
 from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
 from drlsl.driving.scene import EGO, Facts, Road, Scene, Vehicle, road_facts, scene_facts
-from drlsl.driving.shield import OBSERVATION_SIZE, Decision, RuleFailure, Shield
-from drlsl.logic.lowering.errors import NotLowerable, Undecided
+from drlsl.driving.shield import OBSERVATION_SIZE, Decision, Shield
+from drlsl.logic.lowering.errors import Undecided
 from drlsl.logic.lowering.lower import Query, lower
 from drlsl.logic.lowering.numpy_backend import ArrayProgram, ArrayResult, Rows, compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.logic.lowering.schema import Relation, Schema
-
-Array: TypeAlias = npt.NDArray[np.generic]
 
 ROAD_LANE: Final = Relation(
     "road_lane",
@@ -218,6 +216,3 @@ def _unusable(decisions: Decisions, result: ArrayResult) -> npt.NDArray[np.bool_
         & ((decisions.observation >= 0) & (decisions.observation <= 1)).all(axis=1)
     )
     return np.asarray(result.undecided | fails | ~usable)
-
-
-__all__ = ["SCHEMA", "ArrayAsker", "NotLowerable", "RuleFailure", "ScalarAsker"]

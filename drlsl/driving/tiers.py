@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 
 from drlsl.driving.batch import FAIL_SAFE_MASK, Decisions, SceneBatch, fail_safe_speed
-from drlsl.driving.lowered import ArrayAsker, NotLowerable, ScalarAsker
+from drlsl.driving.lowered import ArrayAsker, ScalarAsker
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import OBSERVATION_SIZE, Decision, RuleFailure
 
 if TYPE_CHECKING:
     from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
+from drlsl.logic.lowering.errors import NotLowerable
 
 _log: Final = logging.getLogger(__name__)
 
