@@ -99,6 +99,14 @@ def test_a_faster_follower_runs_into_the_ego_and_is_to_blame(shield: Shield) -> 
     assert result.rewards["collision"][0] < 0
 
 
+def test_traffic_that_appears_around_the_ego_is_out_of_nowhere(shield: Shield) -> None:
+    jam = [Drive(lane, x, 0.0, begin=150) for lane in (3, 4, 5) for x in np.arange(0.0, LENGTH, 8.0)]
+    one = started(world(shield, recording([*EMPTY, *jam], frames=200)))
+    result = drive(one, [KEEP] * 400)[-1]
+    assert result.contacts[0].verdict is Verdict.OUT_OF_NOWHERE
+    assert not result.contacts[0].at_fault
+
+
 def test_the_ego_stops_behind_standing_traffic(shield: Shield) -> None:
     jam = [Drive(lane, 300.0, 0.0) for lane in (3, 4, 5)]
     one = started(world(shield, recording(jam, frames=700)))
