@@ -361,9 +361,19 @@ def test_shared_rows_and_ready_tables() -> None:
     [
         ({("lane", 3): None}, "no facts of lane/3"),
         ({("lane", 3): Rows([np.ones((2, 1))] * 2)}, "lane/3: 2 columns"),
-        ({("lane", 3): Rows([np.ones(2)] * 3)}, "lane/3: a column of shape"),
+        ({("lane", 3): Rows([np.ones(2, np.int64)] * 3)}, "lane/3: a column of shape"),
+        ({("lane", 3): Rows([np.ones((2, 1))] * 3)}, "column 0 of lane/3 holds .* int, .* given as float64"),
+        ({("lane", 3): Rows([np.ones((2, 1), np.uint64)] * 3)}, "is given as uint64"),
+        (
+            {("lane", 3): Rows([np.ones((2, k), np.int64) for k in (3, 3, 2)])},
+            "lane/3: arrays for 2 and 3 rows",
+        ),
+        (
+            {("lane", 3): Rows([np.ones((n, 1), np.int64) for n in (2, 3, 1)])},
+            "lane/3: arrays for 2 and 3 scenes",
+        ),
         ({("lane", 3): Rows([None, np.ones((2, 1)), np.ones((2, 1))])}, "column 0 of lane/3"),
-        ({("lane", 3): Rows([np.ones((3, 1))] * 3)}, "scenes where others have"),
+        ({("lane", 3): Rows([np.ones((3, 1), np.int64)] * 3)}, "scenes where others have"),
     ],
 )
 def test_arrays_that_do_not_fit(change: dict[tuple[str, int], Rows | None], message: str) -> None:

@@ -14,6 +14,9 @@ FLOAT_BOUND: Final = 1e15
 Within the bound the back ends can tell at lowering time which operations cannot overflow.
 """
 
+FLOAT32_BOUND: Final = 2.0**24
+"""The same for programs in float32, which hold every integer up to it exactly."""
+
 INT_BOUND: Final = 2**53
 """An integer beyond this sends its scene to the interpreter: floats hold every integer up to it exactly."""
 
