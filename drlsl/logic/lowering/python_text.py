@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from abc import ABC, abstractmethod
+from typing import Final
 
 from drlsl.logic.lowering.ir import Node, relation_of
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
-from drlsl.logic.lowering.support import blank_row
 from drlsl.logic.terms import Atom
 
 # text of an operation, and how strongly it binds
@@ -50,15 +50,28 @@ def lookup_value(node: Node) -> Node:
     return right if node.args[0] in left.free else left
 
 
-class PythonText:
+class PythonText(ABC):
     """Writes expressions, given the variables that hold some values."""
 
     def __init__(self, names: Names) -> None:
         self.names = names
         self.known: dict[Node, str] = {}  # the variables of values, rows and indices where we are
-        self.tables: dict[Relation, str] = {}  # the dictionary of rows by key
-        self.constants: dict[str, Any] = {}
-        self._blanks: dict[Relation, str] = {}
+
+    @abstractmethod
+    def atom(self, name: str) -> str:
+        """An atom."""
+
+    @abstractmethod
+    def column(self, index: str, relation: Relation, column: int) -> str:
+        """The value in one column of a row."""
+
+    @abstractmethod
+    def lookup(self, node: Node) -> tuple[str, int]:
+        """The row with a given key, or whether there is one; and how strongly that binds."""
+
+    @abstractmethod
+    def no_row(self, relation: Relation) -> str:
+        """What stands for no row."""
 
     def text(self, node: Node, strength: int) -> str:
         """An expression, in brackets where what is around it binds more strongly."""
@@ -71,15 +84,13 @@ class PythonText:
     def _text(self, node: Node) -> tuple[str, int]:
         args = node.args
         if node.op == "const":
-            value = node.data.name if isinstance(node.data, Atom) else node.data
-            return repr(value), ATOMIC if not isinstance(value, int | float) or value >= 0 else UNARY
+            if isinstance(node.data, Atom):
+                return self.atom(node.data.name), ATOMIC
+            return repr(node.data), ATOMIC if node.data >= 0 else UNARY
         if node.op == "col":
-            return f"{self.text(args[0], ATOMIC)}[{node.data[1]}]", ATOMIC
+            return self.column(self.text(args[0], ATOMIC), *node.data), ATOMIC
         if is_lookup(node):
-            table, key = self.tables[relation_of(args[0])], self.text(lookup_value(node), COMPARISON + 1)
-            if node.op == "any":
-                return f"{key} in {table}", COMPARISON
-            return f"{table}.get({key}, {self.blank(relation_of(args[0]))})", ATOMIC
+            return self.lookup(node)
         if node.op in _INFIX:
             sign, own = _INFIX[node.op]
             return f"{self.text(args[0], own)} {sign} {self.text(args[1], own + 1)}", own
@@ -135,10 +146,3 @@ class PythonText:
         # of equal numbers max takes the left and min the right, as in Prolog: it shows in the sign of a zero
         sign = ">=" if node.op == "max" else "<"
         return f"{first} if {first} {sign} {second} else {second}", CHOICE
-
-    def blank(self, relation: Relation) -> str:
-        """The name of the row that stands for none."""
-        if relation not in self._blanks:
-            self._blanks[relation] = self.names.new(f"no_{relation.name}").upper()
-            self.constants[self._blanks[relation]] = blank_row(relation)
-        return self._blanks[relation]
