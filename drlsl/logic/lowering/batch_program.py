@@ -30,14 +30,18 @@ class Rows:
     `columns` has an array for each column, or None for one that is not used: of shape (N, K), or (1, K) where
     all scenes share them; for a single relation (N,) or (1,). `valid`, of the same shape, marks the rows that
     are there; None where all are. Columns of integers and atoms hold integers, see `BatchProgram.code`.
+    With `index`, shape (N,), N counts tables instead, and scene n has the rows of table `index[n]`.
     """
 
     columns: Sequence[Any | None]
     valid: Any | None = None
+    index: Any | None = None
 
     @property
     def scenes(self) -> int:
         """N, or 1 where all scenes share the rows."""
+        if self.index is not None:
+            return len(self.index)
         return _common(array.shape[0] for array in (*self.columns, self.valid) if array is not None)
 
 
@@ -100,6 +104,24 @@ class BatchProgram(ABC, Generic[A]):
         """The relations that the program reads, by name and arity."""
         return self._columns.keys()
 
+    @abstractmethod
+    def __call__(self, facts: Any) -> BatchResult[A]:
+        """The answers for the facts of N scenes, by name and arity."""
+
+
+class TextProgram(BatchProgram[A]):
+    """A program whose function is the text of `ArrayPrinter`."""
+
+    def __init__(self, lowered: Lowered, precision: Precision) -> None:
+        printer = ArrayPrinter(lowered)
+        namespace: dict[str, Any] = {}
+        exec(compile(printer.module(), "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
+        super().__init__(lowered, printer.codes, printer.columns)
+        self._function: Callable[[Any, Mapping[Any, Table]], Iterable[tuple[Any, ...]]] = namespace["answer"]
+        self._lowered_answers: Sequence[Answer] = lowered.answers
+        self._shapes = printer.shapes
+        self._bound = FLOAT_BOUND if precision == "float64" else FLOAT32_BOUND
+
     def table(self, name: str, arity: int, rows: Rows) -> Table:
         """The rows of a relation made ready, for facts that stay the same from call to call.
 
@@ -131,24 +153,6 @@ class BatchProgram(ABC, Generic[A]):
     @abstractmethod
     def _table(self, relation: Relation, used: Sequence[int], rows: Rows) -> Table:
         """The rows in the form that the program reads."""
-
-    @abstractmethod
-    def _answers(self, tables: Mapping[Any, Table], scenes: int) -> BatchResult[A]:
-        """The answers for the facts of `scenes` scenes."""
-
-
-class TextProgram(BatchProgram[A]):
-    """A program whose function is the text of `ArrayPrinter`."""
-
-    def __init__(self, lowered: Lowered, precision: Precision) -> None:
-        printer = ArrayPrinter(lowered)
-        namespace: dict[str, Any] = {}
-        exec(compile(printer.module(), "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
-        super().__init__(lowered, printer.codes, printer.columns)
-        self._function: Callable[[Any, Mapping[Any, Table]], Iterable[tuple[Any, ...]]] = namespace["answer"]
-        self._lowered_answers: Sequence[Answer] = lowered.answers
-        self._shapes = printer.shapes
-        self._bound = FLOAT_BOUND if precision == "float64" else FLOAT32_BOUND
 
     def _answers(self, tables: Mapping[Any, Table], scenes: int) -> BatchResult[A]:
         most = self._most_scenes(scenes)
@@ -250,6 +254,8 @@ class Table(ABC):
         self.valid: Any = self._valid(rows)
         self._always_there = relation.single and rows.valid is None
         self.scenes: int = self._fitting_scenes()
+        if rows.index is not None:
+            self._spread(rows.index)
         self._pad()
         self._is_sound = False
 
@@ -280,6 +286,18 @@ class Table(ABC):
         if len(widths) > 2:
             raise ValueError(f"{self}: arrays for {' and '.join(map(str, widths[1:]))} scenes")
         return scenes
+
+    def _spread(self, index: Any) -> None:
+        """Give each scene the rows of its table."""
+        if bool(((index < 0) | (index >= self.scenes)).any()):
+            raise ValueError(f"{self}: an index beyond its {self.scenes} tables")
+        self.valid = self._gathered(self.valid, index)
+        self._columns = {place: self._gathered(column, index) for place, column in self._columns.items()}
+        self.scenes = len(index)
+
+    def _gathered(self, column: Any, index: Any) -> Any:
+        """A column's rows in the order of `index`; rows that all tables share stay shared."""
+        return column if column.shape[1] == 1 else column[:, index]
 
     def _pad(self) -> None:
         """Have at least one row to reduce over."""

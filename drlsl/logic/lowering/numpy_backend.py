@@ -108,6 +108,9 @@ class Table(BatchTable):
     def _cut(self, column: Array, start: int, stop: int) -> Array:
         return np.ascontiguousarray(super()._cut(column, start, stop))
 
+    def _gathered(self, column: Array, index: Array) -> Array:
+        return column if column.shape[1] == 1 else column.take(index, axis=1)
+
     def _looks_sound(self) -> bool:
         relation = self._relation
         if self.scenes == 0:
