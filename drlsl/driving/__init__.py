@@ -12,15 +12,19 @@ if TYPE_CHECKING:
     from drlsl.driving.scene import Scene as Scene
     from drlsl.driving.shield import Decision as Decision
     from drlsl.driving.shield import Shield as Shield
+    from drlsl.driving.vector import HighwayVectorEnv as HighwayVectorEnv
+    from drlsl.driving.vector import make_vec as make_vec
 
 _HOME = {
     "Action": "actions",
     "Decision": "shield",
     "EnvConfig": "config",
     "HighwayEnv": "env",
+    "HighwayVectorEnv": "vector",
     "Scene": "scene",
     "Shield": "shield",
     "make_env": "env",
+    "make_vec": "vector",
 }
 
 __all__ = sorted(_HOME)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,8 @@ from drlsl.driving.scene import EGO, Road, Scene, Vehicle
 Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
+
+Batch = TypeVar("Batch", "SceneBatch", "Decisions")
 
 EGO_ID: Final = -1
 """`SceneBatch.id` of the ego; other vehicles have ids >= 0."""
@@ -93,6 +95,16 @@ class SceneBatch:
         x, y, vx, vy, length, width = numbers
         return cls(roads, road, target_lane, id, lane, x, y, vx, vy, length, width, valid)
 
+    def put(self, places: Integers, scenes: SceneBatch) -> None:
+        """Write `scenes`, of as many slots and the same roads, into `places`."""
+        _put(self, places, scenes)
+
+    def replaced(self, places: Integers, scenes: SceneBatch) -> SceneBatch:
+        """A copy in which `scenes`, of as many slots and the same roads, stand in `places`."""
+        result = _copied(self)
+        result.put(places, scenes)
+        return result
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:
@@ -109,6 +121,29 @@ class Decisions:
     front_is_free: Mask
     lane_to_keep: Integers
     failures: dict[int, str]
+
+    def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
+        """A copy in which `decisions` stand in `places`."""
+        result, order = _copied(self), places.tolist()
+        _put(result, places, decisions)
+        kept = {place: why for place, why in self.failures.items() if place not in order}
+        new = {order[place]: why for place, why in decisions.failures.items()}
+        return replace(result, failures=kept | new)
+
+
+def _copied(batch: Batch) -> Batch:
+    """The same with its arrays copied."""
+    columns = ((field.name, getattr(batch, field.name)) for field in fields(batch))
+    arrays: dict[str, Any] = {name: one.copy() for name, one in columns if isinstance(one, np.ndarray)}
+    return replace(batch, **arrays)
+
+
+def _put(batch: Batch, places: Integers, other: Batch) -> None:
+    """Write the rows of the arrays of `other` into `places`."""
+    for field in fields(batch):
+        array = getattr(batch, field.name)
+        if isinstance(array, np.ndarray):
+            array[places] = getattr(other, field.name)
 
 
 def fail_safe_speed(speed: float, road: Road) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -17,6 +17,9 @@ EGO_WIDTH: Final = 1.9
 
 TRACK_LENGTH: Final = 840.0
 """What an episode drives [m]. Source: paper, Training."""
+
+
+Name: TypeAlias = Annotated[str, Field(min_length=1)]
 
 
 class RewardConfig(BaseModel):
@@ -51,10 +54,11 @@ class EnvConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    recording: str = Field(
+    recording: Name | tuple[Name, ...] = Field(
         "highway-train",
         min_length=1,
-        description="A bundled recording's name or the path of a highD folder or NGSIM file.",
+        description="A bundled recording's name or the path of a highD folder or NGSIM file; of several, "
+        "one is drawn for every episode.",
     )
     direction: Literal["both", "left_to_right", "right_to_left"] = Field(
         "both",
@@ -73,3 +77,8 @@ class EnvConfig(BaseModel):
     ego_length: float = Field(EGO_LENGTH, gt=0, description="Length of the ego in metres.")
     ego_width: float = Field(EGO_WIDTH, gt=0, description="Width of the ego in metres.")
     reward: RewardConfig = Field(RewardConfig(), description="Weights and shape of the reward.")
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """The recordings that episodes are drawn from."""
+        return (self.recording,) if isinstance(self.recording, str) else self.recording

@@ -46,9 +46,9 @@ class SpeedController:
         """A controller for `count` egos, at rest."""
         return cls(np.zeros(count))
 
-    def reset(self, egos: npt.NDArray[np.bool_]) -> None:
-        """Forget the past of the chosen egos; `egos` of shape (N,)."""
-        self.integral[egos] = 0.0
+    def reset(self, ego: int) -> None:
+        """Forget the past of one ego."""
+        self.integral[ego] = 0.0
 
     def acceleration(self, speed: Floats, target: Floats, dt: Floats) -> Floats:
         """Acceleration [m/s²] for speeds and target speeds [m/s] and time steps [s], all of shape (N,)."""
@@ -74,9 +74,9 @@ class LaneController:
         """A controller for `count` egos, at rest."""
         return cls(np.zeros(count))
 
-    def reset(self, egos: npt.NDArray[np.bool_]) -> None:
-        """Forget the past of the chosen egos; `egos` of shape (N,)."""
-        self.integral[egos] = 0.0
+    def reset(self, ego: int) -> None:
+        """Forget the past of one ego."""
+        self.integral[ego] = 0.0
 
     def acceleration(self, y: Floats, vy: Floats, target_y: Floats, dt: Floats) -> Floats:
         """Sideways acceleration [m/s²] for places [m], sideways speeds [m/s] and time steps [s], all (N,)."""
@@ -95,7 +95,10 @@ def move(place: Floats, speed: Floats, acceleration: Floats, dt: Floats) -> tupl
     return place + (speed + later) / 2 * dt, later
 
 
-def move_forward(place: Floats, speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
-    """As `move`, but braking ends at standstill and never reverses; `speed` >= 0."""
+def move_forward(speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
+    """The way of one step and the speed after it; braking ends at standstill and never reverses.
+
+    All of shape (N,), `speed` >= 0.
+    """
     later = np.maximum(speed + acceleration * dt, 0.0)
-    return place + (speed + later) / 2 * dt, later
+    return (speed + later) / 2 * dt, later

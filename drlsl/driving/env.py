@@ -11,11 +11,11 @@ import numpy.typing as npt
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import Decisions
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.playback import load_playbacks
 from drlsl.driving.reward import TERMS
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import OBSERVATION_SIZE, Shield
 from drlsl.driving.world import StepResult, World
-from drlsl.traffic.load import load_recording
 
 Observation: TypeAlias = npt.NDArray[np.float32]
 
@@ -41,7 +41,7 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         """
         self.config = config if config is not None else EnvConfig(**settings)
         self.shield = shield or Shield.from_files(self.config.rules, tier=self.config.tier)
-        self.world = World(self.config, [load_recording(self.config.recording)], self.shield, 1)
+        self.world = World(self.config, load_playbacks([self.config]), self.shield)
         self.observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
         self.action_space = gymnasium.spaces.Discrete(len(Action))
         self._decisions: Decisions | None = None
@@ -51,8 +51,8 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; with a seed, the episode is a function of the seed."""
         super().reset(seed=seed, options=options)
-        _, decisions = self.world.reset([0], [self.np_random])
-        return self._observe(decisions), self._info(decisions, None)
+        self.world.reset([0], [self.np_random])
+        return self._observe(self.world.decisions), self._info(self.world.decisions, None)
 
     def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive one recorded frame."""
@@ -90,8 +90,8 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             "contact_reason": contact.verdict.value if contact else "",
             "off_road": bool(result.off_road[0]) if result else False,
             "entered": bool(result.entered[0]) if result else True,
-            "speed": float(self.world.speed[0]),
-            "distance": float(self.world.distance[0]),
+            "speed": float((result or self.world).speed[0]),
+            "distance": float((result or self.world).distance[0]),
             "target_speed": float(decisions.target_speed[0]),
             "fail_safe": 0 in decisions.failures,
             "fail_safe_reason": decisions.failures.get(0, ""),

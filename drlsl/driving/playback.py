@@ -1,17 +1,20 @@
-"""A recording laid out for driving in it: per-frame arrays that many egos read at once."""
+"""Recordings laid out for driving in them: per-frame arrays that many egos read at once."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from drlsl.driving.config import EnvConfig
 from drlsl.driving.fault import Track
 from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene import Road
+from drlsl.errors import UserError
+from drlsl.traffic.load import load_recording
 from drlsl.traffic.recording import Recording
 from drlsl.traffic.road import Direction, Lane
 
@@ -19,23 +22,18 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
-NUMBERS = ("x", "y", "vx", "vy", "length", "width")
-"""The columns of `Playback.numbers`, in order."""
+NUMBERS: Final = ("x", "y", "vx", "vy", "length", "width")
+"""The columns of `Film.numbers`, in order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Playback:
-    """One direction of a recording's road.
+class Film:
+    """The frames of recordings, one row each; slot 0 is empty in all of them: the ego's place in a scene.
 
-    `numbers` (6, F, K): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane`, `first` (F, K) as in
-    the recording; `valid` (F, K). `lanes`: those of the direction, `sign` its sign along x.
+    `numbers` (6, R, S): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane` and `first`, as in the
+    recording, and `valid` (R, S).
     """
 
-    road: Road
-    direction: Direction
-    lanes: tuple[Lane, ...]
-    x_min: float
-    x_max: float
     numbers: Floats
     vehicle: Integers
     lane: Integers
@@ -43,22 +41,59 @@ class Playback:
     valid: Mask
 
     @classmethod
-    def of(cls, recording: Recording, direction: Direction, road: Road) -> Playback:
-        """Lay `recording` out for an ego that drives in `direction`; `road` is `road_of(recording)`."""
+    def of(cls, recording: Recording) -> Film:
+        """The film of one recording."""
         frames = recording.frames
-        columns = (np.where(frames.valid, getattr(frames, name), 0.0) for name in NUMBERS)
-        return cls(
-            road=road,
-            direction=direction,
-            lanes=recording.lanes_of(direction),
-            x_min=recording.x_min,
-            x_max=recording.x_max,
-            numbers=np.stack(list(columns)),
-            vehicle=frames.vehicle.astype(np.int64),
-            lane=frames.lane.astype(np.int64),
-            first=frames.first.astype(np.int64),
-            valid=frames.valid,
+        film = cls.blank(*frames.valid.shape)
+        for column, name in zip(film.numbers, NUMBERS, strict=True):
+            column[:, 1:] = np.where(frames.valid, getattr(frames, name), 0.0)
+        film.vehicle[:, 1:], film.lane[:, 1:], film.first[:, 1:] = frames.vehicle, frames.lane, frames.first
+        film.valid[:, 1:] = frames.valid
+        return film
+
+    @classmethod
+    def blank(cls, frames: int, vehicles: int) -> Film:
+        """A film without vehicles that has room for some."""
+        shape = (frames, vehicles + 1)
+        vehicle, lane, first = np.zeros((3, *shape), dtype=np.int64)
+        return cls(np.zeros((len(NUMBERS), *shape)), vehicle, lane, first, np.zeros(shape, dtype=np.bool_))
+
+    @classmethod
+    def joined(cls, films: Sequence[Film]) -> Film:
+        """The frames of several films, one film after another."""
+        if len(films) == 1:
+            return films[0]
+        film = cls.blank(sum(map(len, films)), max(one.valid.shape[1] for one in films) - 1)
+        begin = 0
+        for one in films:
+            part, slots = film.part(begin, begin + len(one)), one.valid.shape[1]
+            part.numbers[:, :, :slots] = one.numbers
+            for name in ("vehicle", "lane", "first", "valid"):
+                getattr(part, name)[:, :slots] = getattr(one, name)
+            begin += len(one)
+        return film
+
+    def part(self, begin: int, end: int) -> Film:
+        """Some of the rows, not copied."""
+        rows = slice(begin, end)
+        return Film(
+            self.numbers[:, rows], self.vehicle[rows], self.lane[rows], self.first[rows], self.valid[rows]
         )
+
+    def __len__(self) -> int:
+        return int(self.valid.shape[0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Playback:
+    """One direction of a recording's road: `lanes` are those of the direction."""
+
+    film: Film
+    road: Road
+    direction: Direction
+    lanes: tuple[Lane, ...]
+    x_min: float
+    x_max: float
 
     @property
     def sign(self) -> int:
@@ -67,8 +102,8 @@ class Playback:
 
     @property
     def frames(self) -> int:
-        """Number of frames, F."""
-        return int(self.valid.shape[0])
+        """Number of frames."""
+        return len(self.film)
 
     @property
     def length(self) -> float:
@@ -79,15 +114,60 @@ class Playback:
         """How far `x` is from the beginning of the stretch, in the direction of travel [m]."""
         return x - self.x_min if self.sign > 0 else self.x_max - x
 
-    def at(self, along: float) -> float:
+    def at(self, along: Floats | float) -> Floats | float:
         """The x that is `along` [m] from the beginning of the stretch."""
         return self.x_min + along if self.sign > 0 else self.x_max - along
 
     def track(self, frame: int, slot: int, since: int) -> Track:
         """The track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
-        begin = max(int(self.first[frame, slot]), since)
-        x, y, vx, _, length, width = self.numbers[:, begin : frame + 1, slot]
+        begin = max(int(self.film.first[frame, slot]), since)
+        x, y, vx, _, length, width = self.film.numbers[:, begin : frame + 1, slot]
         return Track(self.sign * x, y, self.sign * vx, float(length[-1]), float(width[-1]))
+
+
+def playbacks_of(recordings: Iterable[Recording], radar_range: float) -> list[Playback]:
+    """Both directions of each recording, for egos that see `radar_range` [m] far."""
+    result: list[Playback] = []
+    for recording in recordings:
+        film, road = Film.of(recording), road_of(recording, radar_range)
+        result.extend(
+            Playback(film, road, direction, recording.lanes_of(direction), recording.x_min, recording.x_max)
+            for direction in recording.directions
+        )
+    return result
+
+
+def in_direction(playbacks: Sequence[Playback], config: EnvConfig) -> list[Playback]:
+    """Those for an ego that drives as `config` says.
+
+    Raises:
+        UserError: there is none.
+    """
+    result = [one for one in playbacks if config.direction in ("both", one.direction.value)]
+    if not result:
+        raise UserError(
+            f"no lane runs {config.direction} in {', '.join(config.recordings)}; choose the other direction "
+            "or both"
+        )
+    return result
+
+
+def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
+    """For each configuration what its egos drive in; a recording is laid out once.
+
+    Raises:
+        UserError: a recording cannot be read, or has no lane of the direction that is asked for.
+    """
+    loaded: dict[tuple[str, float], list[Playback]] = {}
+    result = []
+    for config in configs:
+        playbacks = []
+        for name in config.recordings:
+            if (name, config.radar_range) not in loaded:
+                loaded[name, config.radar_range] = playbacks_of([load_recording(name)], config.radar_range)
+            playbacks.extend(loaded[name, config.radar_range])
+        result.append(in_direction(playbacks, config))
+    return result
 
 
 def road_of(recording: Recording, radar_range: float) -> Road:
@@ -97,69 +177,60 @@ def road_of(recording: Recording, radar_range: float) -> Road:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Traffic:
-    """The recorded vehicles of the frames that N egos are in: `numbers` (6, N, K), the rest (N, K)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Courses:
+    """What driving needs to know of the playbacks that N egos drive in; a value for each ego.
 
-    numbers: Floats
-    vehicle: Integers
-    lane: Integers
-    valid: Mask
+    `begin`, `frames`: the first row of the film and how many; `dt` [s]; `sign` of motion along x; `road`, an
+    index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`, the edges
+    of the direction's lanes [m]. Of shape (N, L): `lane_id`, `centre` [m], infinite where there is no lane.
+    """
+
+    begin: Integers
+    frames: Integers
+    dt: Floats
+    sign: Floats
+    road: Integers
+    start: Floats
+    length: Floats
+    low: Floats
+    high: Floats
+    lane_id: Integers
+    centre: Floats
+
+    def take(self, chosen: Integers) -> Courses:
+        """The courses that `chosen` names, shape (N,)."""
+        return Courses(*(getattr(self, field.name).take(chosen, axis=0) for field in fields(self)))
 
 
 class Playbacks:
-    """Several playbacks, read by N egos that may each be in another; `chosen` (N,) says in which.
-
-    `dt` [s], `sign`, `frames`, `length` [m] and `road` (an index of `roads`) are arrays of shape (number of
-    playbacks,).
-    """
+    """Several playbacks, laid out in one film; `courses` has a value for each of them."""
 
     def __init__(self, playbacks: Sequence[Playback]) -> None:
-        self.all = tuple(playbacks)
-        self.roads = tuple(dict.fromkeys(playback.road for playback in self.all))
-        self.road = np.array([self.roads.index(playback.road) for playback in self.all])
-        self.dt = np.array([playback.road.time_step for playback in self.all])
-        self.sign = np.array([playback.sign for playback in self.all])
-        self.frames = np.array([playback.frames for playback in self.all])
-        self.length = np.array([playback.length for playback in self.all])
-        self._begin = np.array([playback.at(0.0) for playback in self.all])
-        lanes = max(len(playback.lanes) for playback in self.all)
-        self._lane_id = np.zeros((len(self.all), lanes), dtype=np.int64)
-        self._centre = np.full((len(self.all), lanes), np.inf)
-        for index, playback in enumerate(self.all):
-            self._lane_id[index, : len(playback.lanes)] = [lane.id for lane in playback.lanes]
-            self._centre[index, : len(playback.lanes)] = [lane.centre for lane in playback.lanes]
-        self._low = np.array([min(lane.centre - lane.width / 2 for lane in one.lanes) for one in self.all])
-        self._high = np.array([max(lane.centre + lane.width / 2 for lane in one.lanes) for one in self.all])
-
-    def lane_at(self, chosen: Integers, y: Floats) -> Integers:
-        """The lane of the playback's direction whose centre is nearest to `y` [m], shape (N,)."""
-        nearest = np.argmin(np.abs(self._centre[chosen] - y[:, None]), axis=1)
-        return np.asarray(self._lane_id[chosen, nearest])
-
-    def along(self, chosen: Integers, x: Floats) -> Floats:
-        """How far `x` is from the beginning of the stretch in the direction of travel [m], shape (N,)."""
-        return np.asarray(self.sign[chosen] * (x - self._begin[chosen]))
-
-    def off_road(self, chosen: Integers, y: Floats, width: float) -> Mask:
-        """Whether any part of a body `width` [m] wide at `y` is beyond the lanes of the direction."""
-        return np.asarray((y - width / 2 < self._low[chosen]) | (y + width / 2 > self._high[chosen]))
-
-    def traffic(self, chosen: Integers, frame: Integers) -> Traffic:
-        """The vehicles of frame `frame` (N,) of each chosen playback; a frame beyond the last is the last."""
-        frame = np.minimum(frame, self.frames[chosen] - 1)
-        if (chosen == chosen[0]).all():
-            only = self.all[int(chosen[0])]
-            return Traffic(only.numbers[:, frame], only.vehicle[frame], only.lane[frame], only.valid[frame])
-        slots = max(playback.valid.shape[1] for playback in self.all)
-        numbers = np.zeros((len(NUMBERS), len(chosen), slots))
-        vehicle, lane = np.zeros((2, len(chosen), slots), dtype=np.int64)
-        valid = np.zeros((len(chosen), slots), dtype=np.bool_)
-        for index, playback in enumerate(self.all):
-            here = np.flatnonzero(chosen == index)
-            width = playback.valid.shape[1]
-            numbers[:, here, :width] = playback.numbers[:, frame[here]]
-            vehicle[here, :width] = playback.vehicle[frame[here]]
-            lane[here, :width] = playback.lane[frame[here]]
-            valid[here, :width] = playback.valid[frame[here]]
-        return Traffic(numbers, vehicle, lane, valid)
+        films = list(dict.fromkeys(playback.film for playback in playbacks))
+        self.film = Film.joined(films)
+        begins = dict(zip(films, np.cumsum([0, *map(len, films)]).tolist(), strict=False))
+        self.all = tuple(
+            replace(one, film=self.film.part(begins[one.film], begins[one.film] + one.frames))
+            for one in playbacks
+        )
+        self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
+        lanes = max(len(one.lanes) for one in playbacks)
+        lane_id = np.zeros((len(playbacks), lanes), dtype=np.int64)
+        centre = np.full((len(playbacks), lanes), np.inf)
+        for index, one in enumerate(playbacks):
+            lane_id[index, : len(one.lanes)] = [lane.id for lane in one.lanes]
+            centre[index, : len(one.lanes)] = [lane.centre for lane in one.lanes]
+        self.courses = Courses(
+            begin=np.array([begins[one.film] for one in playbacks]),
+            frames=np.array([one.frames for one in playbacks]),
+            dt=np.array([one.road.time_step for one in playbacks]),
+            sign=np.array([float(one.sign) for one in playbacks]),
+            road=np.array([self.roads.index(one.road) for one in playbacks]),
+            start=np.array([one.at(0.0) for one in playbacks]),
+            length=np.array([one.length for one in playbacks]),
+            low=np.array([min(lane.centre - lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            high=np.array([max(lane.centre + lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            lane_id=lane_id,
+            centre=centre,
+        )

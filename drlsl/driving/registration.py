@@ -24,7 +24,11 @@ def register_with_gymnasium() -> None:
 def _register() -> None:
     import gymnasium
 
-    gymnasium.register(ENV_ID, entry_point="drlsl.driving.env:HighwayEnv")
+    gymnasium.register(
+        ENV_ID,
+        entry_point="drlsl.driving.env:HighwayEnv",
+        vector_entry_point="drlsl.driving.vector:HighwayVectorEnv",
+    )
 
 
 class _WhenImported(MetaPathFinder):

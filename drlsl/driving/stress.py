@@ -13,6 +13,7 @@ import numpy.typing as npt
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import Decisions
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.playback import in_direction, playbacks_of
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from drlsl.driving.world import StepResult, World
@@ -106,35 +107,35 @@ def stress(
     Episode number i is a function of (`seed`, i) and of the policy's own draws.
     """
     report = StressReport()
-    world = World(config, recordings, shield, min(egos, episodes))
+    playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
+    world = World(config, [playbacks] * min(egos, episodes), shield)
     seeds = iter(np.random.SeedSequence(seed).spawn(episodes))
     policy_rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
     running = {ego: ego for ego in range(world.count)}
     started = world.count
-    _, decisions = world.reset(list(running), [np.random.default_rng(next(seeds)) for _ in running])
+    world.reset(list(running), [np.random.default_rng(next(seeds)) for _ in running])
     while running:
-        result = world.step(policy(decisions, policy_rng))
-        decisions = result.decisions
+        result = world.step(policy(world.decisions, policy_rng))
         active = list(running)
         report.steps += len(active)
         report.lane_changes += int(result.changed[active].sum())
-        report.fail_safe += sum(ego in running for ego in decisions.failures)
+        report.fail_safe += sum(ego in running for ego in result.decisions.failures)
         ended = [ego for ego in active if result.terminated[ego] or result.truncated[ego]]
         for ego in ended:
-            _count(report, running.pop(ego), ego, world, result)
+            _count(report, running.pop(ego), ego, result)
         fresh = ended[: episodes - started]
         for ego in fresh:
             running[ego], started = started, started + 1
         if fresh:
-            _, decisions = world.reset(fresh, [np.random.default_rng(next(seeds)) for _ in fresh])
+            world.reset(fresh, [np.random.default_rng(next(seeds)) for _ in fresh])
         if ended:
             yield report
 
 
-def _count(report: StressReport, episode: int, ego: int, world: World, result: StepResult) -> None:
+def _count(report: StressReport, episode: int, ego: int, result: StepResult) -> None:
     """Add an episode that ended to the report."""
     report.episodes += 1
-    report.distance += float(world.distance[ego])
+    report.distance += float(result.distance[ego])
     report.off_road += bool(result.off_road[ego])
     contact = result.contacts.get(ego)
     if contact is not None:

@@ -37,11 +37,11 @@ def test_the_integral_never_outweighs_the_rules(speed: float, targets: list[floa
         acceleration = control.acceleration(now, np.array([target]), np.array([dt]))
         wanted = np.clip((target - now) / dt, -BRAKING_LIMIT, ACCELERATION_LIMIT)
         assert abs(acceleration - wanted)[0] < 0.5
-        _, now = move_forward(np.zeros(1), now, acceleration, np.array([dt]))
+        _, now = move_forward(now, acceleration, np.array([dt]))
 
 
 def test_braking_ends_at_standstill() -> None:
-    place, speed = move_forward(np.zeros(1), np.array([0.1]), np.array([-8.0]), np.array([0.04]))
+    place, speed = move_forward(np.array([0.1]), np.array([-8.0]), np.array([0.04]))
     assert speed[0] == 0.0
     assert place[0] >= 0.0
 
@@ -64,5 +64,5 @@ def test_a_lane_change_takes_about_three_seconds_and_does_not_swing_out(width: f
 
 def test_a_reset_forgets_the_past_of_the_chosen_alone() -> None:
     control = SpeedController(np.array([1.0, 2.0]))
-    control.reset(np.array([True, False]))
+    control.reset(0)
     assert control.integral.tolist() == [0.0, 2.0]

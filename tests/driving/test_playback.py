@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.playback import Playback, road_of
+from drlsl.driving.playback import Playback, playbacks_of
 from drlsl.traffic.road import Direction
 from tests.driving.recordings import Drive, recording
 
@@ -16,25 +16,25 @@ def playback() -> Playback:
         [Drive(3, 10.0, 20.0, end=50), Drive(4, 30.0, 10.0, begin=60, end=90), Drive(5, 5.0, 1.0, begin=95)],
         frames=100,
     )
-    assert made.capacity == 1, "one slot, used by one vehicle after the other"
-    return Playback.of(made, Direction.LEFT_TO_RIGHT, road_of(made, 100.0))
+    assert made.capacity == 1, "one vehicle at a time: one slot, used by one vehicle after the other"
+    return next(one for one in playbacks_of([made], 100.0) if one.direction is Direction.LEFT_TO_RIGHT)
 
 
 def test_a_track_is_of_one_vehicle(playback: Playback) -> None:
-    track = playback.track(80, 0, since=0)
+    track = playback.track(80, 1, since=0)
     assert len(track.s) == 21
     assert track.s.tolist() == pytest.approx((30.0 + 10.0 * np.arange(21) / 25.0).tolist())
     assert set(track.speed) == {10.0}
 
 
 def test_a_track_begins_no_earlier_than_asked(playback: Playback) -> None:
-    assert len(playback.track(80, 0, since=75).s) == 6
+    assert len(playback.track(80, 1, since=75).s) == 6
 
 
 @pytest.mark.parametrize("direction", list(Direction))
 def test_along_and_at_undo_each_other(direction: Direction) -> None:
     made = recording([Drive(1, 400.0, 1.0), Drive(3, 5.0, 1.0)], frames=5)
-    one = Playback.of(made, direction, road_of(made, 100.0))
+    one = next(one for one in playbacks_of([made], 100.0) if one.direction is direction)
     for along in (0.0, 100.0, 420.0):
         assert one.along(one.at(along)) == along
     assert (one.at(10.0) > one.at(0.0)) == (direction is Direction.LEFT_TO_RIGHT)

@@ -9,7 +9,7 @@ from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.entry import find_entry
 from drlsl.driving.fault import Verdict
-from drlsl.driving.playback import Playback, road_of
+from drlsl.driving.playback import in_direction, playbacks_of
 from drlsl.driving.shield import Shield
 from drlsl.driving.world import StepResult, World
 from drlsl.errors import UserError
@@ -29,7 +29,7 @@ def shield() -> Shield:
 
 def world(shield: Shield, made: Recording, direction: str = "left_to_right", **settings: object) -> World:
     config = EnvConfig(recording="by-hand", direction=direction, **settings)  # type: ignore[arg-type]  # test values
-    return World(config, [made], shield, 1)
+    return World(config, [in_direction(playbacks_of([made], config.radar_range), config)], shield)
 
 
 def started(one: World, seed: int = 0) -> World:
@@ -147,9 +147,10 @@ def test_an_episode_is_a_function_of_its_seed(shield: Shield) -> None:
 def test_egos_do_not_influence_each_other(shield: Shield) -> None:
     made = recording([Drive(4, 100.0, 25.0), Drive(3, 60.0, 30.0), *EMPTY])
     config = EnvConfig(recording="by-hand")
-    many = World(config, [made], shield, 3)
+    playbacks = playbacks_of([made], config.radar_range)
+    many = World(config, [playbacks] * 3, shield)
     many.reset([0, 1, 2], [np.random.default_rng(seed) for seed in (5, 6, 7)])
-    alone = World(config, [made], shield, 1)
+    alone = World(config, [playbacks], shield)
     alone.reset([0], [np.random.default_rng(6)])
     for _ in range(40):
         together = many.step(np.array([0, 1, 0]))
@@ -182,7 +183,8 @@ def test_a_direction_without_lanes_is_refused(shield: Shield) -> None:
 
 def test_the_entry_is_a_gap_that_the_rules_call_safe(shield: Shield) -> None:
     made = recording([Drive(lane, x, 20.0) for lane in (3, 4) for x in np.arange(0.0, LENGTH, 12.0)])
-    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, road_of(made, 100.0))
+    playback = playbacks_of([made], 100.0)[0]
+    assert playback.direction is Direction.LEFT_TO_RIGHT
     for seed in range(5):
         entry = find_entry(playback, shield, np.random.default_rng(seed), frame=0, size=(4.6, 1.9))
         assert entry.lane.id == 5
@@ -192,6 +194,7 @@ def test_a_road_without_a_gap_is_refused(shield: Shield) -> None:
     made = recording(
         [Drive(lane, x, 0.0) for lane in (3, 4, 5) for x in np.arange(0.0, LENGTH, 12.0)], frames=5
     )
-    playback = Playback.of(made, Direction.LEFT_TO_RIGHT, road_of(made, 100.0))
+    playback = playbacks_of([made], 100.0)[0]
+    assert playback.direction is Direction.LEFT_TO_RIGHT
     with pytest.raises(UserError, match="no gap that the rules call safe"):
         find_entry(playback, shield, np.random.default_rng(0), frame=0, size=(4.6, 1.9))

@@ -1,0 +1,153 @@
+"""The vector environment is the environment, N times, to the bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import drlsl  # noqa: F401  (registers the environment)
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.env import HighwayEnv
+from drlsl.driving.shield import Shield
+from drlsl.driving.vector import HighwayVectorEnv
+from drlsl.errors import UserError
+
+CONFIGS = [
+    EnvConfig(recording="highway-test", direction="left_to_right", track_length=40.0),
+    EnvConfig(recording="highway-test", direction="both", track_length=40.0),
+    EnvConfig(recording="freeway", direction="left_to_right", track_length=40.0),
+    EnvConfig(recording=("highway-test", "freeway"), direction="both", track_length=40.0),
+    EnvConfig(recording="highway-test", direction="right_to_left", track_length=40.0),
+]
+STEPS = 150
+"""Enough for several episodes of 40 m, and for some that end off the road."""
+
+
+@pytest.fixture(scope="module")
+def shield() -> Shield:
+    return Shield.default(tier="scalar")
+
+
+def same(ours: Any, theirs: Any, where: str = "info") -> None:
+    """Whether two infos are alike, key for key, type for type and bit for bit."""
+    if isinstance(theirs, dict):
+        assert set(ours) == set(theirs), where
+        for key in theirs:
+            same(ours[key], theirs[key], f"{where}[{key!r}]")
+    elif theirs.dtype == object:
+        for mine, other in zip(ours, theirs, strict=True):
+            assert np.array_equal(mine, other), where
+    else:
+        assert ours.dtype == theirs.dtype, where
+        assert np.array_equal(ours, theirs), where
+
+
+def marked(info: dict[str, Any]) -> dict[str, Any]:
+    """The info with what a mask says is not there blanked: its value means nothing."""
+    result: dict[str, Any] = {}
+    for key, value in info.items():
+        mask = info.get(f"_{key}")
+        if isinstance(value, dict):
+            result[key] = marked(value)
+        elif mask is None or mask.all():
+            result[key] = value
+        else:
+            result[key] = value.copy()
+            result[key][~mask] = None if value.dtype == object else 0
+    return result
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_it_is_the_environment_n_times(shield: Shield, mode: AutoresetMode) -> None:
+    ours = HighwayVectorEnv(CONFIGS, autoreset_mode=mode, shield=shield)
+    makers = [lambda config=config: HighwayEnv(config, shield=shield) for config in CONFIGS]
+    theirs = SyncVectorEnv(makers, autoreset_mode=mode)
+    rng = np.random.default_rng(4)
+    mine, other = ours.reset(seed=9), theirs.reset(seed=9)
+    ended = 0
+    for _ in range(STEPS):
+        for left, right in zip(mine[:-1], other[:-1], strict=True):
+            assert left.dtype == right.dtype
+            assert np.array_equal(left, right)
+        same(marked(mine[-1]), marked(other[-1]))
+        if len(mine) == 5:
+            ended += int((mine[2] | mine[3]).sum())
+        actions = rng.integers(3, size=len(CONFIGS))
+        mine, other = ours.step(actions), theirs.step(actions)
+    assert ended > 2 * len(CONFIGS)
+
+
+def test_without_autoreset_a_mask_says_who_begins_anew(shield: Shield) -> None:
+    env = HighwayVectorEnv(CONFIGS[0], num_envs=3, autoreset_mode=AutoresetMode.DISABLED, shield=shield)
+    env.reset(seed=[1, 2, 3])
+    over = np.zeros(3, dtype=np.bool_)
+    while not over.any():
+        observations, _, terminated, truncated, _ = env.step(np.zeros(3, dtype=np.int64))
+        over = terminated | truncated
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset them first"):
+        env.step(np.zeros(3, dtype=np.int64))
+    again, info = env.reset(options={"reset_mask": over})
+    assert np.array_equal(again[~over], observations[~over])
+    assert np.array_equal(info["_speed"], over)
+    assert (info["distance"][over] == 0.0).all()
+    env.step(np.zeros(3, dtype=np.int64))
+
+
+def test_gymnasium_makes_it() -> None:
+    env = gymnasium.make_vec("drlsl/Highway-v0", num_envs=2, recording="highway-test")
+    assert isinstance(env.unwrapped, HighwayVectorEnv)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    observations, info = env.reset(seed=0)
+    assert env.observation_space.contains(observations)
+    assert info["action_mask"].shape == (2, 3)
+    assert env.step(env.action_space.sample())[0].shape == (2, 10)
+
+
+def test_a_world_goes_on_from_its_state(shield: Shield) -> None:
+    first, second = (HighwayVectorEnv(CONFIGS, shield=shield) for _ in range(2))
+    rng = np.random.default_rng(0)
+    actions = rng.integers(3, size=(2 * STEPS, len(CONFIGS)))
+    first.reset(seed=3)
+    for step in actions[:STEPS]:
+        first.step(step)
+    second.reset(seed=77)
+    second.set_state(first.get_state())
+    for step in actions[STEPS:]:
+        for left, right in zip(first.step(step), second.step(step), strict=True):
+            if isinstance(left, dict):
+                same(left, right)
+            else:
+                assert np.array_equal(left, right)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: HighwayVectorEnv(CONFIGS, num_envs=3), "5 configurations for 3 environments"),
+        (lambda: HighwayVectorEnv([], num_envs=0), "one environment or more"),
+        (
+            lambda: HighwayVectorEnv([EnvConfig(), EnvConfig(track_length=2.0)]),
+            "differ in more than recording and direction",
+        ),
+    ],
+)
+def test_configurations_that_do_not_fit_are_refused(make: Any, message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        make()
+
+
+def test_bad_seeds_masks_and_actions_are_refused(shield: Shield) -> None:
+    env = HighwayVectorEnv(CONFIGS[0], num_envs=2, shield=shield)
+    with pytest.raises(ValueError, match="3 seeds for 2"):
+        env.reset(seed=[1, 2, 3])
+    with pytest.raises(ValueError, match="expected a Boolean array"):
+        env.reset(options={"reset_mask": np.array([1, 0])})
+    with pytest.raises(ValueError, match="marks no environment"):
+        env.reset(options={"reset_mask": np.zeros(2, dtype=np.bool_)})
+    env.reset(seed=0)
+    with pytest.raises(UserError, match="unknown action"):
+        env.step(np.array([0, -1]))
