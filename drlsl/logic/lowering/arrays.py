@@ -13,14 +13,13 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.forms import array_forms
 from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
-from drlsl.logic.lowering.lower import Answer, Lowered
+from drlsl.logic.lowering.lower import Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.lowering.sparse import Conjunctions, mask_parts, plan_sparse
-from drlsl.logic.lowering.trees import Sym, resolve
-from drlsl.logic.terms import NIL, Atom, Struct
+from drlsl.logic.terms import Atom
 
 _INFIX: Final = {
     "add": ("+", 11),
@@ -79,12 +78,15 @@ class ArrayPrinter:
         self.pool: Pool = lowered.pool
         self.codes: dict[str, int] = {}
         self.columns: dict[Relation, set[int]] = {}  # what the function reads
-        self.shapes: dict[str, tuple[bool, bool]] = {}
+        forms = array_forms(lowered)
+        self.shapes = {
+            str(form.query): (form.exact, form.plain) for form in forms if form.query.mode == "first"
+        }
         self._names = Names(("xp", "tables", "answer"))
         self._lines: list[str] = []
         self._known: dict[Node, str] = {}
         undecided = self.pool.or_(answer.undecided for answer in lowered.answers)
-        self._groups = [[undecided], *(self._roots(answer) for answer in lowered.answers)]
+        self._groups = [[undecided], *(list(form.roots) for form in forms)]
         self._results = [root for group in self._groups for root in group]
         self._sparse = plan_sparse(self.pool, self._results)
         self._masks = Conjunctions(self.pool, self._results, self._sparse)
@@ -98,41 +100,6 @@ class ArrayPrinter:
             self._uses.update(self._operands(node))
 
     # ---------------------------------------------------------------- structure
-
-    def _roots(self, answer: Answer) -> list[Node]:
-        query = answer.query
-        if query.mode == "holds":
-            return [answer.found]
-        if query.mode == "first":
-            if answer.terms is None:
-                raise NotLowerable(str(query), None, "its answers are of unlike kinds")
-            nodes = [node for term in answer.terms for node in self._items(answer, term)]
-            exact = not any(node.kind in ("float", "number") for node in nodes)
-            plain = len(answer.terms) == 1 and isinstance(resolve(answer.terms[0]), Node | Atom | int | float)
-            self.shapes[str(query)] = (exact, plain)
-            return [answer.found, *nodes]
-        if answer.choices is None:
-            raise NotLowerable(str(query), None, "its solutions are not among a few constants")
-        return [cond for _, cond in answer.choices]
-
-    def _items(self, answer: Answer, term: Sym) -> list[Node]:
-        """The numbers of a term: itself, or the elements of a list."""
-        items: list[Sym] = []
-        rest = resolve(term)
-        while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
-            items.append(resolve(rest.args[0]))
-            rest = resolve(rest.args[1])
-        nodes = [self._as_node(item) for item in (items if items and rest is NIL else [resolve(term)])]
-        if any(node is None for node in nodes):
-            raise NotLowerable(
-                str(answer.query), None, "its answer is neither a number, an atom nor a list of numbers"
-            )
-        return [node for node in nodes if node is not None]
-
-    def _as_node(self, term: Sym) -> Node | None:
-        if isinstance(term, Node):
-            return term
-        return self.pool.const(term) if isinstance(term, Atom | int | float) else None
 
     def _operands(self, node: Node) -> tuple[Node, ...]:
         """What the text of a node is made of."""

@@ -1,0 +1,76 @@
+"""What the answer to a query looks like in arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.ir import Node, Pool
+from drlsl.logic.lowering.lower import Answer, Lowered, Query
+from drlsl.logic.lowering.trees import Sym, resolve
+from drlsl.logic.terms import NIL, Atom, Struct
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """The nodes that an answer is made of.
+
+    `found`: whether there is a solution. `values`: for `first` its numbers, for `set` and `all` whether each
+    of the choices is a solution. `exact`: these numbers are all integers or atoms. `plain`: it is one number
+    instead of several.
+    """
+
+    query: Query
+    found: Node
+    values: tuple[Node, ...] = ()
+    exact: bool = False
+    plain: bool = False
+
+    @property
+    def roots(self) -> tuple[Node, ...]:
+        """What has to be computed: for `set` and `all` the choices say whether there is a solution."""
+        return self.values if self.query.mode in ("set", "all") else (self.found, *self.values)
+
+
+def array_forms(lowered: Lowered) -> tuple[Form, ...]:
+    """The form of each answer.
+
+    Raises:
+        NotLowerable: an answer has none.
+    """
+    return tuple(_form(lowered.pool, answer) for answer in lowered.answers)
+
+
+def _form(pool: Pool, answer: Answer) -> Form:
+    query = answer.query
+    if query.mode == "holds":
+        return Form(query, answer.found)
+    if query.mode == "first":
+        if answer.terms is None:
+            raise NotLowerable(str(query), None, "its answers are of unlike kinds")
+        nodes = tuple(_as_node(pool, query, item) for term in answer.terms for item in _items(term))
+        exact = not any(node.kind in ("float", "number") for node in nodes)
+        plain = len(answer.terms) == 1 and isinstance(resolve(answer.terms[0]), Node | Atom | int | float)
+        return Form(query, answer.found, nodes, exact, plain)
+    if answer.choices is None:
+        raise NotLowerable(str(query), None, "its solutions are not among a few constants")
+    return Form(query, answer.found, tuple(cond for _, cond in answer.choices))
+
+
+def _items(term: Sym) -> Sequence[Sym]:
+    """The elements of a list, or the term itself."""
+    items: list[Sym] = []
+    rest = resolve(term)
+    while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
+        items.append(resolve(rest.args[0]))
+        rest = resolve(rest.args[1])
+    return items if items and rest is NIL else [resolve(term)]
+
+
+def _as_node(pool: Pool, query: Query, term: Sym) -> Node:
+    if isinstance(term, Node):
+        return term
+    if isinstance(term, Atom | int | float):
+        return pool.const(term)
+    raise NotLowerable(str(query), None, "its answer is neither a number, an atom nor a list of numbers")
