@@ -383,9 +383,9 @@ def _rounding(function: Callable[[Any], int]) -> Unary:
 
 
 def _round(value: float) -> int:
-    whole = math.floor(value)
-    rest = value - whole
-    return whole + (rest > 0.5 or (rest == 0.5 and value > 0))
+    whole = math.trunc(value)
+    rest = value - whole  # exact, which the distance to the floor is not
+    return whole + (rest >= 0.5) - (rest <= -0.5)
 
 
 def _natural_logarithm(value: Number, _machine: Machine) -> float:

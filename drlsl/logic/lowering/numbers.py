@@ -41,9 +41,9 @@ def rounded(value: float) -> int:
     """The nearest integer, a half upward in magnitude; 0 where there is none."""
     if not math.isfinite(value):
         return 0
-    whole = math.floor(value)
-    rest = value - whole
-    return whole + (rest > 0.5 or (rest == 0.5 and value > 0))
+    whole = math.trunc(value)
+    rest = value - whole  # exact, which the distance to the floor is not
+    return whole + (rest >= 0.5) - (rest <= -0.5)
 
 
 def sign(value: float) -> float:
