@@ -229,6 +229,8 @@ class ArrayPrinter:
 
     def _combined(self, node: Node, args: Sequence[str]) -> str:
         """The operation of a node on the texts of its operands."""
+        if _is_by_constant(node):
+            return f"xp.divide({', '.join(args)})"
         if node.op in _INFIX:
             return f"({f' {_INFIX[node.op][0]} '.join(args)})"
         if node in self._twins:
@@ -357,6 +359,8 @@ class ArrayPrinter:
         if node.op == "div" and node.args[1].is_const and math.frexp(node.args[1].data)[0] == 0.5:
             # by a power of two: the product is the same number, and comes sooner
             return f"{self._text(node.args[0], 12)} * {1.0 / node.args[1].data!r}", 12
+        if _is_by_constant(node):
+            return f"xp.divide({', '.join(self._aligned(arg, axes, _LOOSE) for arg in node.args)})", _ATOMIC
         if node.op in _INFIX:
             sign, own = _INFIX[node.op]
             first, *others = node.args
@@ -380,7 +384,7 @@ class ArrayPrinter:
 
     def _truth(self, node: Node, axes: Sequence[Node]) -> tuple[str, int]:
         if node.op == "within":
-            return f"xp.absolute({self._text(node.args[0], _LOOSE)}) <= {node.data!r}", _COMPARISON
+            return f"xp.within({self._text(node.args[0], _LOOSE)}, {node.data!r})", _ATOMIC
         compared = node.args[0] if node.op == "not" else node
         if compared.op in ("lt", "eq") and (compared is node or compared not in self._known):
             sign = {"lt": ("<", ">="), "eq": ("==", "!=")}[compared.op][compared is not node]
@@ -443,6 +447,11 @@ _HINTS: Final = {
 
 def _is_small(rows: Node) -> bool:
     return relation_of(rows).capacity <= SMALL
+
+
+def _is_by_constant(node: Node) -> bool:
+    """Whether a division has a constant in it, which not every library divides by as by a number."""
+    return node.op == "div" and any(arg.is_const for arg in node.args)
 
 
 def _ranges_over_others(index: Node) -> bool:

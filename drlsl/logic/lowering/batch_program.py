@@ -104,6 +104,10 @@ class BatchProgram(ABC, Generic[A]):
         """The relations that the program reads, by name and arity."""
         return self._columns.keys()
 
+    def columns_read(self, name: str, arity: int) -> Sequence[int]:
+        """The columns of a relation that the program reads; the others may be None."""
+        return self._columns[name, arity][1] if (name, arity) in self._columns else ()
+
     @abstractmethod
     def __call__(self, facts: Any) -> BatchResult[A]:
         """The answers for the facts of N scenes, by name and arity."""
@@ -291,9 +295,14 @@ class Table(ABC):
         """Give each scene the rows of its table."""
         if bool(((index < 0) | (index >= self.scenes)).any()):
             raise ValueError(f"{self}: an index beyond its {self.scenes} tables")
+        index = self._placed(index)
         self.valid = self._gathered(self.valid, index)
         self._columns = {place: self._gathered(column, index) for place, column in self._columns.items()}
         self.scenes = len(index)
+
+    def _placed(self, index: Any) -> Any:
+        """An index where the columns are."""
+        return index
 
     def _gathered(self, column: Any, index: Any) -> Any:
         """A column's rows in the order of `index`; rows that all tables share stay shared."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.ir import Node, Pool
+from drlsl.logic.lowering.ir import Node, Pool, reach
 from drlsl.logic.lowering.lower import Answer, Lowered, Query
 from drlsl.logic.lowering.trees import Sym, resolve
 from drlsl.logic.terms import NIL, Atom, Struct
+
+_MOST: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,12 @@ def array_forms(lowered: Lowered) -> tuple[Form, ...]:
     Raises:
         NotLowerable: an answer has none.
     """
-    return tuple(_form(lowered.pool, answer) for answer in lowered.answers)
+    forms = tuple(_form(lowered.pool, answer) for answer in lowered.answers)
+    for form, answer in zip(forms, lowered.answers, strict=True):
+        for node in reach([answer.undecided, *form.roots]):
+            if node.is_const and isinstance(node.data, int) and not -_MOST <= node.data <= _MOST:
+                raise NotLowerable(str(form.query), None, f"{node.data} has more than 64 bits")
+    return forms
 
 
 def _form(pool: Pool, answer: Answer) -> Form:

@@ -82,6 +82,7 @@ class Ops:
     sqrt: Final = staticmethod(np.sqrt)
     sign: Final = staticmethod(np.sign)
     choose: Final = staticmethod(np.where)
+    divide: Final = staticmethod(np.divide)
     floor_divide: Final = staticmethod(np.floor_divide)
     remainder: Final = staticmethod(np.remainder)
 
@@ -180,6 +181,13 @@ class Ops:
         """One constant or the other by scene and row."""
         result: Array = np.where(cond, self.dtype.type(then), self.dtype.type(els))
         return result
+
+    def within(self, value: Array, bound: float) -> Mask:
+        """No further from zero than `bound`, and in the range of its kind."""
+        if value.dtype.kind == "f":
+            result: Mask = np.absolute(value) <= min(bound, float(np.finfo(value.dtype).max))
+            return result
+        return (value >= -int(bound)) & (value <= int(bound))
 
     def to_float(self, value: Array) -> Array:
         """Integers as floats."""
