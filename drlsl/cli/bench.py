@@ -41,11 +41,27 @@ def engine(runs: Runs = 5, as_json: AsJson = False) -> None:
 
 
 @app.command()
-def rules(as_json: AsJson = False) -> None:
+def env(runs: Runs = 5, as_json: AsJson = False) -> None:
+    """Measure environment steps a second, alone and side by side, beside highway-env where it is there."""
+    from drlsl.driving.bench_env import VEHICLES, env_speeds
+
+    speeds = env_speeds(runs)
+    if as_json:
+        print(json.dumps(speeds, indent=2))
+        return
+    print(f"environment steps a second, {VEHICLES} vehicles, rules on the {speeds['tier']} tier")
+    for size, speed in speeds["steps_per_s"].items():
+        print(f"  {size:>4} side by side {speed:>12,.0f}")
+    if "highway_env" in speeds:
+        print(f"  highway-env, 1    {speeds['highway_env']:>12,.0f}")
+
+
+@app.command()
+def rules(runs: Runs = 5, as_json: AsJson = False) -> None:
     """Measure the rules in every tier, for one scene and for a batch, beside swipl where it is there."""
     from drlsl.driving.bench import rule_speeds
 
-    speeds = rule_speeds()
+    speeds = rule_speeds(runs)
     if as_json:
         print(json.dumps(speeds, indent=2))
         return

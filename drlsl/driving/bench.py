@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import random
 import shutil
+import statistics
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,49 +22,62 @@ from drlsl.driving.lowered import FREE, SCHEMA, SPEED, STATE
 from drlsl.driving.scene import EGO, Facts, Road, Scene, Vehicle, road_facts, scene_facts
 from drlsl.driving.shield import default_rules
 from drlsl.logic import Engine
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.numpy_backend import ArrayProgram, Rows, compile_numpy
+from drlsl.logic.lowering.batch_program import Rows
+from drlsl.logic.lowering.lower import Lowered, Query, lower
+from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.traffic.road import Direction, Lane
 
 QUERIES: Final = (Query("safe_actions", 1, "all"), FREE, SPEED, STATE)
 VEHICLES: Final = (5, 20, 40)
 BATCH: Final = 256
-_TYPES: Final[tuple[Literal["float64", "float32"], ...]] = ("float64", "float32")
 _SCENES: Final = 64
-_ROUNDS: Final = 7
+_LEAST_TIME: Final = 0.05
+"""Each run repeats what it measures for at least so long [s]."""
 
 Speeds = dict[str, dict[str, Any]]
+Ask = Callable[[Facts], object]
 
 
-def rule_speeds() -> Speeds:
-    """Times of this machine, now, for highway.pl.
+def rule_speeds(runs: int) -> Speeds:
+    """Times of this machine, now, for highway.pl: medians of `runs` runs.
 
     `one_scene_ms`: by tier and number of vehicles, the facts of a scene replaced and the four queries asked;
-    the tiers are swipl (where it is on the path), interpreter and scalar. `batch_us_per_scene`: by tier, 256
-    scenes with 40 vehicles. The least of several rounds counts.
+    by SWI-Prolog too, where it is on the path (swipl) or in this process (pyswip). `batch_us_per_scene`: by
+    tier, 256 scenes with 40 vehicles, their arrays ready.
     """
     engine = Engine()
     for path in default_rules():
         engine.consult(path)
     lowered = lower(engine, SCHEMA, QUERIES)
     scalar = compile_scalar(lowered)
-    one_scene: dict[str, dict[str, float]] = {"interpreter": {}, "scalar": {}}
-    swipl = shutil.which("swipl")
+    tiers: list[tuple[str, Ask]] = [("interpreter", _interpreter(engine)), ("scalar", scalar), *_pyswip()]
+    one_scene: dict[str, dict[str, float]] = {}
     for vehicles in VEHICLES:
         facts = [_facts(scene) for scene in random_scenes(_SCENES, vehicles)]
-        ask = _interpreter(engine)
-        one_scene["interpreter"][str(vehicles)] = _milliseconds(ask, facts[:16])
-        one_scene["scalar"][str(vehicles)] = _milliseconds(scalar, facts)
-        if swipl is not None:
-            one_scene.setdefault("swipl", {})[str(vehicles)] = _swipl_milliseconds(swipl, facts)
+        for name, ask in tiers:
+            one_scene.setdefault(name, {})[str(vehicles)] = 1e3 * _seconds_each(ask, facts, runs)
+        if swipl := shutil.which("swipl"):
+            one_scene.setdefault("swipl", {})[str(vehicles)] = _swipl_milliseconds(swipl, facts, runs)
     scenes = random_scenes(BATCH, 40)
-    batch = {"scalar": 1e3 * _milliseconds(scalar, [_facts(scene) for scene in scenes])}
-    for dtype in _TYPES:
-        program = compile_numpy(lowered, dtype)
+    batch = {"scalar": 1e6 * _seconds_each(scalar, [_facts(scene) for scene in scenes], runs)}
+    for name, program in _array_programs(lowered):
         columns = array_facts(SceneBatch.of(scenes), program)
-        batch[f"numpy {dtype}"] = 1e6 * _least_time(lambda: program(columns)) / BATCH  # noqa: B023  (called at once)
+        batch[name] = 1e6 * median_seconds(partial(program, columns), runs) / BATCH
     return {"one_scene_ms": one_scene, "batch_us_per_scene": batch}
+
+
+def median_seconds(run: Callable[[], object], runs: int) -> float:
+    """The time that `run` takes: the median of several runs, each of them repeated for a while."""
+    run()
+    times = []
+    for _ in range(runs):
+        begin, count = time.perf_counter(), 0
+        while count == 0 or time.perf_counter() - begin < _LEAST_TIME:
+            run()
+            count += 1
+        times.append((time.perf_counter() - begin) / count)
+    return statistics.median(times)
 
 
 def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
@@ -94,7 +110,7 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
     return scenes
 
 
-def array_facts(scenes: SceneBatch, program: ArrayProgram) -> dict[tuple[str, int], Any]:
+def array_facts(scenes: SceneBatch, program: Any) -> dict[tuple[str, int], Any]:
     """A batch on one road, with the road's facts made ready."""
     columns = [scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width]
     facts: dict[tuple[str, int], Any] = {
@@ -117,7 +133,28 @@ def _facts(scene: Scene) -> Facts:
     return {**road_facts(scene.road), **scene_facts(scene)}
 
 
-def _interpreter(engine: Engine) -> Callable[[Facts], None]:
+def _seconds_each(ask: Ask, scenes: Sequence[Facts], runs: int) -> float:
+    def ask_all() -> None:
+        for facts in scenes:
+            ask(facts)
+
+    return median_seconds(ask_all, runs) / len(scenes)
+
+
+def _array_programs(lowered: Lowered) -> Iterator[tuple[str, Any]]:
+    """The array tiers that this installation has, by name."""
+    yield "numpy", compile_numpy(lowered)
+    yield "numpy_float32", compile_numpy(lowered, "float32")
+    if find_spec("numba"):
+        from drlsl.logic.lowering.numba_backend import compile_numba
+
+        yield "numba", compile_numba(lowered)
+    from drlsl.logic.lowering.torch_backend import compile_torch
+
+    yield "torch", compile_torch(lowered)
+
+
+def _interpreter(engine: Engine) -> Ask:
     goals = [engine.prepare(goal) for goal in ("front_is_free", "longitudinal_velocity(V)", "state(L)")]
     actions = engine.prepare("safe_actions(A)")
 
@@ -131,50 +168,47 @@ def _interpreter(engine: Engine) -> Callable[[Facts], None]:
     return ask
 
 
-def _least_time(run: Callable[[], object]) -> float:
-    run()
-    times = []
-    for _ in range(_ROUNDS * 10):
-        start = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
-def _milliseconds(answer: Callable[[Facts], object], scenes: Sequence[Facts]) -> float:
-    """The mean over the scenes of the least time of each."""
-    total = 0.0
-    for facts in scenes:
-        answer(facts)
-        times = []
-        for _ in range(_ROUNDS):
-            start = time.perf_counter()
-            answer(facts)
-            times.append(time.perf_counter() - start)
-        total += min(times)
-    return 1e3 * total / len(scenes)
-
+_ASK: Final = """
+:- dynamic(told/1).
+tell(Fact) :-
+    functor(Fact, Name, Arity), functor(Any, Name, Arity),
+    ( told(Any) -> true ; assertz(told(Any)) ), assertz(Fact).
+ask :-
+    forall(safe_actions(_), true), ignore(front_is_free), ignore(longitudinal_velocity(_)), ignore(state(_)).
+scene(Facts) :- forall(told(Any), retractall(Any)), forall(member(Fact, Facts), tell(Fact)), ask.
+"""
+"""What SWI-Prolog does for one scene: as the interpreter, replace the facts and ask."""
 
 _DRIVER: Final = """
 :- initialization(main, main).
-tell(Fact) :- functor(Fact, Name, Arity), functor(Any, Name, Arity), ( told(Any) -> true ; assertz(told(Any))
-),     assertz(Fact). :- dynamic(told/1). ask :- forall(safe_actions(_), true), ignore(front_is_free),
-ignore(longitudinal_velocity(_)), ignore(state(_)). scene(Facts) :- forall(told(Any), retractall(Any)),
-forall(member(Fact, Facts), tell(Fact)), ask. round(Ms) :- get_time(T0), forall(facts(Facts), scene(Facts)),
-get_time(T1), Ms is (T1 - T0) * 1000. main :- findall(Ms, ( between(1, %d, _), round(Ms) ), All),
-min_list(All, Least), print(Least), nl.
+round(Ms) :- get_time(T0), forall(facts(Facts), scene(Facts)), get_time(T1), Ms is (T1 - T0) * 1000.
+main :- findall(Ms, ( between(1, %d, _), round(Ms) ), All), print(All), nl.
 """
 
 
-def _swipl_milliseconds(swipl: str, scenes: Sequence[Facts]) -> float:
-    """The time of one scene in SWI-Prolog: the best round over all scenes, divided among them."""
+def _swipl_milliseconds(swipl: str, scenes: Sequence[Facts], runs: int) -> float:
+    """The time of one scene in SWI-Prolog: the median round over all scenes, divided among them."""
     lines = [f":- consult('{path}')." for path in default_rules()]
     lines.extend(f"facts([{', '.join(_terms(facts))}])." for facts in scenes)
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "measure.pl"
-        program.write_text("\n".join([*lines, _DRIVER % _ROUNDS]), encoding="utf-8")
+        program.write_text("\n".join([*lines, _ASK, _DRIVER % runs]), encoding="utf-8")
         done = subprocess.run([swipl, str(program)], capture_output=True, text=True, check=True, timeout=120)
-    return float(done.stdout) / len(scenes)
+    return statistics.median(map(float, done.stdout.strip(" []\n").split(","))) / len(scenes)
+
+
+def _pyswip() -> list[tuple[str, Ask]]:
+    """SWI-Prolog in this process, where its Python bridge is installed."""
+    if not find_spec("pyswip"):
+        return []
+    from pyswip import Prolog
+
+    prolog = Prolog()
+    with tempfile.NamedTemporaryFile("w", suffix=".pl", encoding="utf-8") as program:
+        program.write("\n".join([*(f":- consult('{path}')." for path in default_rules()), _ASK]))
+        program.flush()
+        prolog.consult(program.name)
+    return [("pyswip", lambda facts: list(prolog.query(f"scene([{', '.join(_terms(facts))}])")))]
 
 
 def _terms(facts: Facts) -> list[str]:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
-from drlsl.driving.scene import EGO, Facts, Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import EGO, Facts, Road, Row, Scene, Vehicle, road_facts, scene_facts
 from drlsl.driving.shield import OBSERVATION_SIZE, Decision, Shield
+from drlsl.logic.lowering.batch_program import BatchAnswer, BatchProgram, Rows
 from drlsl.logic.lowering.errors import Undecided
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.numpy_backend import ArrayProgram, ArrayResult, Rows, compile_numpy
+from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.logic.lowering.schema import Relation, Schema
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
 
 ROAD_LANE: Final = Relation(
     "road_lane",
@@ -109,7 +113,7 @@ class ScalarAsker:
 class ArrayAsker:
     """Answers for many scenes by array programs; `undecided` scenes are left to the interpreter."""
 
-    def __init__(self, shield: Shield) -> None:
+    def __init__(self, shield: Shield, compile_program: Callable[[Lowered], BatchProgram[Any]]) -> None:
         """Lower the shield's program.
 
         Raises:
@@ -118,101 +122,103 @@ class ArrayAsker:
         """
         actions = Query("safe_actions", 1, "set")
         queries = [actions, SPEED, STATE, FREE, *([LANE] if shield.gives_lane else [])]
-        self._answers = compile_numpy(lower(shield.engine, SCHEMA, queries))
-        self._entry = compile_numpy(lower(shield.engine, SCHEMA, [ENTRY]))
-        self._actions = [action_of_atom(atom) for atom in self._answers.choices[actions]]
-        self._tables = _RoadTables()
+        answers = compile_program(lower(shield.engine, SCHEMA, queries))
+        self._actions = [action_of_atom(atom) for atom in answers.choices[actions]]
+        self._answers = _Program(answers)
+        self._entry = _Program(compile_program(lower(shield.engine, SCHEMA, [ENTRY])))
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, npt.NDArray[np.bool_]]:
         """The decisions, and (N,) which of them mean nothing because the interpreter has to be asked."""
-        result = self._answers(self._facts(scenes, self._answers))
-        actions, speed, state, free, *lane = result.answers
+        (actions, speed, state, free, *lane), undecided = self._answers(scenes)
         mask = np.zeros((len(scenes), len(Action)), dtype=np.bool_)
         for column, action in enumerate(self._actions):
             mask[:, action] |= actions.value[:, column]
         decisions = Decisions(
             action_mask=mask,
-            target_speed=np.asarray(speed.value, dtype=np.float64),
-            observation=np.asarray(state.value, dtype=np.float64),
-            front_is_free=np.asarray(free.value, dtype=np.bool_),
-            lane_to_keep=np.asarray(lane[0].value, dtype=np.int64) if lane else scenes.target_lane,
+            target_speed=speed.value,
+            observation=state.value,
+            front_is_free=free.value,
+            lane_to_keep=lane[0].value if lane else scenes.target_lane,
             failures={},
         )
-        return decisions, _unusable(decisions, result)
+        unusable = undecided | speed.fails | state.fails | _unusable(decisions)
+        return decisions, unusable | lane[0].fails if lane else unusable
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
         """Whether each entry is safe, and which of these answers mean nothing; both of shape (N,)."""
-        result = self._entry(self._facts(scenes, self._entry))
-        return np.asarray(result.answers[0].value, dtype=np.bool_), result.undecided
+        (entry,), undecided = self._entry(scenes)
+        return entry.value, undecided
 
-    def _facts(self, scenes: SceneBatch, program: ArrayProgram) -> dict[tuple[str, int], Rows]:
-        names = np.where(scenes.id == EGO_ID, program.code(EGO), scenes.id + FIRST_OTHER)
+
+class _Program:
+    """An array program that is told scenes; the facts of their roads are kept from batch to batch."""
+
+    def __init__(self, program: BatchProgram[Any]) -> None:
+        self._program = program
+        self._reads_names = 0 in program.columns_read("vehicle", 8)
+        self._roads: tuple[Road, ...] = ()
+        self._road_rows: dict[tuple[str, int], Rows] = {}
+
+    def __call__(self, scenes: SceneBatch) -> tuple[list[BatchAnswer[npt.NDArray[Any]]], Mask]:
+        """The answers, and the scenes that are undecided, as NumPy arrays."""
+        result = self._program(self._facts(scenes))
+        answers = [BatchAnswer(_numpy(answer.value), _numpy(answer.fails)) for answer in result.answers]
+        return answers, _numpy(result.undecided)
+
+    def _facts(self, scenes: SceneBatch) -> dict[tuple[str, int], Rows]:
+        if scenes.roads is not self._roads:
+            self._roads, self._road_rows = scenes.roads, self._rows_of(scenes.roads)
+        names = None
+        if self._reads_names:
+            names = np.where(scenes.id == EGO_ID, self._program.code(EGO), scenes.id + FIRST_OTHER)
         columns = (names, scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width)
+        several = len(scenes.roads) > 1
         return {
-            **self._tables.rows(scenes, program),
+            **{
+                name: replace(rows, index=scenes.road) if several else rows
+                for name, rows in self._road_rows.items()
+            },
             ("vehicle", 8): Rows(columns, scenes.valid),
             ("target_lane", 1): Rows([scenes.target_lane]),
         }
 
-
-class _RoadTables:
-    """The facts of roads as arrays, kept from batch to batch."""
-
-    def __init__(self) -> None:
-        self._roads: tuple[Road, ...] = ()
-        self._program: ArrayProgram | None = None
-        self._tables: dict[tuple[str, int], Rows] = {}
-
-    def rows(self, scenes: SceneBatch, program: ArrayProgram) -> dict[tuple[str, int], Rows]:
-        """The road facts of every scene; shared by all of them where there is one road."""
-        if scenes.roads is not self._roads or program is not self._program:
-            self._roads, self._program = scenes.roads, program
-            self._tables = _road_tables(scenes.roads, program)
-        if len(scenes.roads) == 1:
-            return self._tables
+    def _rows_of(self, roads: tuple[Road, ...]) -> dict[tuple[str, int], Rows]:
+        """The facts of the roads that the program reads, a table for each road."""
+        facts = [road_facts(road) for road in roads]
         return {
-            name: Rows(
-                [None if column is None else column[scenes.road] for column in rows.columns],
-                None if rows.valid is None else rows.valid[scenes.road],
-            )
-            for name, rows in self._tables.items()
+            (name, arity): self._tables(SCHEMA.relations[name, arity], [one[name, arity] for one in facts])
+            for name, arity in facts[0]
+            if (name, arity) in self._program.reads
         }
 
-
-def _road_tables(roads: tuple[Road, ...], program: ArrayProgram) -> dict[tuple[str, int], Rows]:
-    """Rows of shape (number of roads, L) for the lanes, and (number of roads,) for the rest."""
-    facts = [road_facts(road) for road in roads]
-    tables = {}
-    for name in facts[0]:
-        if name == (ROAD_LANE.name, ROAD_LANE.arity):
-            continue
-        tables[name] = Rows([np.array([rows[name][0][0] for rows in facts], dtype=np.float64)])
-    lanes = [rows[ROAD_LANE.name, ROAD_LANE.arity] for rows in facts]
-    most = max(map(len, lanes))
-    columns = []
-    for place, kind in enumerate(ROAD_LANE.columns):
-        column = np.zeros((len(roads), most), dtype=np.float64 if kind == "float" else np.int64)
-        for road, rows in enumerate(lanes):
-            values = [program.code(str(row[place])) if kind == "atom" else row[place] for row in rows]
-            column[road, : len(rows)] = values
-        columns.append(column)
-    valid = np.arange(most) < np.array([[len(rows)] for rows in lanes])
-    tables[ROAD_LANE.name, ROAD_LANE.arity] = Rows(columns, valid)
-    return tables
+    def _tables(self, relation: Relation, tables: Sequence[Sequence[Row]]) -> Rows:
+        most = max(map(len, tables))
+        columns = []
+        for place, kind in enumerate(relation.columns):
+            column = np.zeros((len(tables), most), dtype=np.float64 if kind == "float" else np.int64)
+            for number, rows in enumerate(tables):
+                cells = [row[place] for row in rows]
+                codes = [self._program.code(str(cell)) for cell in cells] if kind == "atom" else cells
+                column[number, : len(rows)] = codes
+            columns.append(column)
+        if relation.single:
+            return Rows([column[:, 0] for column in columns])
+        return Rows(columns, np.arange(most) < np.array([[len(rows)] for rows in tables]))
 
 
-def _unusable(decisions: Decisions, result: ArrayResult) -> npt.NDArray[np.bool_]:
-    """Scenes that the arrays leave undecided, and those whose answer a `Decision` could not hold."""
-    _, speed, state, _, *lane = result.answers
-    fails = speed.fails | state.fails
-    for answer in lane:
-        fails = fails | answer.fails
+def _numpy(values: Any) -> npt.NDArray[Any]:
+    """Values as a NumPy array, from whatever device they are on."""
+    return np.asarray(values if isinstance(values, np.ndarray) else values.cpu())
+
+
+def _unusable(decisions: Decisions) -> Mask:
+    """Decisions that a `Decision` could not hold, shape (N,)."""
     if decisions.observation.shape[1] != OBSERVATION_SIZE:
-        return np.ones_like(fails)
+        return np.ones(len(decisions.target_speed), dtype=np.bool_)
     usable = (
         decisions.action_mask.any(axis=1)
         & np.isfinite(decisions.target_speed)
         & (decisions.target_speed >= 0)
         & ((decisions.observation >= 0) & (decisions.observation <= 1)).all(axis=1)
     )
-    return np.asarray(result.undecided | fails | ~usable)
+    return np.asarray(~usable)

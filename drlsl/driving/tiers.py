@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.numpy_backend import compile_numpy
 
 _log: Final = logging.getLogger(__name__)
 
@@ -122,7 +123,7 @@ class NumpyTier:
             NotLowerable: a rule that only the interpreter can run.
             UserError: the rules can offer an action that the agent does not know.
         """
-        self._arrays = ArrayAsker(shield)
+        self._arrays = ArrayAsker(shield, compile_numpy)
         self._one_by_one = SceneBySceneTier("scalar", ScalarAsker(shield))
         self._interpreter = SceneBySceneTier("interpreter", shield)
         self._few = few

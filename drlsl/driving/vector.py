@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.playback import load_playbacks
+from drlsl.driving.playback import Playback, in_direction, load_playbacks
 from drlsl.driving.reward import TERMS
 from drlsl.driving.shield import OBSERVATION_SIZE, Shield
 from drlsl.driving.world import StepResult, World
@@ -46,11 +46,13 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         num_envs: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         shield: Shield | None = None,
+        playbacks: Sequence[Playback] | None = None,
         **settings: Any,
     ) -> None:
         """`num_envs` environments of one `config`, or of `settings`, its fields; or one for each of several.
 
-        Several configurations may differ in recording and direction.
+        Several configurations may differ in recording and direction. `playbacks`, where given, stand for the
+        recordings.
 
         Raises:
             UserError: a recording or the rules cannot be used, or the configurations do not fit together.
@@ -61,7 +63,12 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.shield = shield or Shield.from_files(self.config.rules, tier=self.config.tier)
-        self.world = World(self.config, load_playbacks(configs), self.shield)
+        driven = (
+            load_playbacks(configs)
+            if playbacks is None
+            else [in_direction(playbacks, one) for one in configs]
+        )
+        self.world = World(self.config, driven, self.shield)
         self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
         self.single_action_space = gymnasium.spaces.Discrete(len(Action))
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)

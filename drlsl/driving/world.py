@@ -13,7 +13,7 @@ from drlsl.driving.actions import Action
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.control import LaneController, SpeedController, move, move_forward
-from drlsl.driving.entry import Entry, find_entry
+from drlsl.driving.entry import Entries, Entry
 from drlsl.driving.fault import Track, Verdict, judge
 from drlsl.driving.limits import CENTRE_TOLERANCE
 from drlsl.driving.playback import Playback, Playbacks
@@ -156,6 +156,7 @@ class World:
         self.playbacks = Playbacks(distinct)
         self.count = len(playbacks)
         self._size = (config.ego_length, config.ego_width)
+        self._entries = [Entries(one, shield, self._size) for one in self.playbacks.all]
         self._widest = self.playbacks.film.numbers[4:, :, 1:].max(axis=(1, 2), initial=0.0)
         self._egos = _Egos.new(self.count)
         self._courses = self.playbacks.courses.take(self._egos.playback)
@@ -255,7 +256,7 @@ class World:
             progress=distance / self.config.track_length,
         )
         entered = self._reenter(over)
-        decisions = self._decide(around.scenes, [*np.flatnonzero(entered).tolist(), *self._restart(restarts)])
+        decisions = self._decide(around.scenes, [*entered.nonzero()[0].tolist(), *self._restart(restarts)])
         return StepResult(
             scenes=around.scenes,
             decisions=decisions,
@@ -300,9 +301,8 @@ class World:
         choices = self._choices[ego]
         self._egos.playback[ego] = choices[rng.integers(len(choices))]
         self._egos.ended[ego], self._egos.distance[ego] = False, 0.0
-        playback = self.playback_of(ego)
-        frame = int(rng.integers(playback.frames))
-        self._place(ego, find_entry(playback, self.shield, rng, frame=frame, size=self._size))
+        frame = int(rng.integers(self.playback_of(ego).frames))
+        self._place(ego, self._entries[self._egos.playback[ego]].find(rng, frame=frame))
         self._courses = self.playbacks.courses.take(self._egos.playback)
 
     def _restart(self, restarts: Mapping[int, np.random.Generator] | None) -> list[int]:
@@ -326,10 +326,10 @@ class World:
         egos = self._egos
         settled: Mask = np.abs(egos.target_y - egos.y) <= CENTRE_TOLERANCE
         changed: Mask = settled & (actions != Action.LANE_KEEPING) & playing
-        for ego in np.flatnonzero(changed).tolist():
+        for ego in changed.nonzero()[0].tolist():
             self._start_lane_change(ego, Action(int(actions[ego])))
         moved = (decisions.lane_to_keep != egos.target_lane) & ~changed & playing
-        for ego in np.flatnonzero(moved).tolist():
+        for ego in moved.nonzero()[0].tolist():
             self._steer_for(ego, int(decisions.lane_to_keep[ego]))
         return changed
 
@@ -452,10 +452,9 @@ class World:
         egos, courses = self._egos, self._courses
         driven = courses.sign * (egos.x - courses.start) + self.config.ego_length / 2
         entered: Mask = (over | (driven >= courses.length)) & ~egos.ended
-        for ego in np.flatnonzero(entered).tolist():
+        for ego in entered.nonzero()[0].tolist():
             playback = self.playback_of(ego)
             lane = playback.road.lane(int(egos.target_lane[ego]))
             frame, rng = self.frame_of(ego) % playback.frames, self.rngs[ego]
-            entry = find_entry(playback, self.shield, rng, frame=frame, size=self._size, lane=lane)
-            self._place(ego, entry)
+            self._place(ego, self._entries[egos.playback[ego]].find(rng, frame=frame, lane=lane))
         return entered

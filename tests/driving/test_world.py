@@ -7,7 +7,7 @@ import pytest
 
 from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.entry import find_entry
+from drlsl.driving.entry import Entries
 from drlsl.driving.fault import Verdict
 from drlsl.driving.playback import in_direction, playbacks_of
 from drlsl.driving.shield import Shield
@@ -186,7 +186,7 @@ def test_the_entry_is_a_gap_that_the_rules_call_safe(shield: Shield) -> None:
     playback = playbacks_of([made], 100.0)[0]
     assert playback.direction is Direction.LEFT_TO_RIGHT
     for seed in range(5):
-        entry = find_entry(playback, shield, np.random.default_rng(seed), frame=0, size=(4.6, 1.9))
+        entry = Entries(playback, shield, (4.6, 1.9)).find(np.random.default_rng(seed), frame=0)
         assert entry.lane.id == 5
 
 
@@ -197,4 +197,4 @@ def test_a_road_without_a_gap_is_refused(shield: Shield) -> None:
     playback = playbacks_of([made], 100.0)[0]
     assert playback.direction is Direction.LEFT_TO_RIGHT
     with pytest.raises(UserError, match="no gap that the rules call safe"):
-        find_entry(playback, shield, np.random.default_rng(0), frame=0, size=(4.6, 1.9))
+        Entries(playback, shield, (4.6, 1.9)).find(np.random.default_rng(0), frame=0)
