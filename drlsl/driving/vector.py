@@ -75,7 +75,9 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in configs]
         self._over = np.ones(self.num_envs, dtype=np.bool_)
-        self._all = np.ones(self.num_envs, dtype=np.bool_)
+        self._all = _constant(self.num_envs, True)
+        self._nothing = _constant(self.num_envs, False)
+        self._no_reason = _constant(self.num_envs, "")
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -167,23 +169,25 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
 
     def _info(self, result: StepResult | None, told: Mask, began: Sequence[int] = ()) -> dict[str, Any]:
         """What is told of the environments that `told` marks, as after a reset where there is no result."""
-        decisions, count = self.world.decisions, self.num_envs
-        nothing = np.zeros(count, dtype=np.bool_)
-        contact, at_fault, reason = nothing.copy(), nothing.copy(), np.full(count, "", dtype=object)
-        for index, met in (result.contacts if result else {}).items():
-            contact[index], at_fault[index], reason[index] = True, met.at_fault, met.verdict.value
-        fail_safe, why = nothing.copy(), np.full(count, "", dtype=object)
-        for index, failure in decisions.failures.items():
-            fail_safe[index], why[index] = True, failure
-        entered = result.entered.copy() if result else told.copy()
-        speed, distance = (
-            (result.speed, result.distance) if result else (self.world.speed, self.world.distance)
-        )
-        speed, distance = speed.copy(), distance.copy()
-        places = list(began)
-        entered[places] = True
-        speed[places], distance[places] = self.world.speed[places], self.world.distance[places]
-        rewards = result.rewards if result else {term: np.zeros(count) for term in TERMS}
+        decisions, world, nothing = self.world.decisions, self.world, self._nothing
+        contact, at_fault, reason = nothing, nothing, self._no_reason
+        if result is not None and result.contacts:
+            contact, at_fault, reason = nothing.copy(), nothing.copy(), self._no_reason.copy()
+            for index, met in result.contacts.items():
+                contact[index], at_fault[index], reason[index] = True, met.at_fault, met.verdict.value
+        fail_safe, why = nothing, self._no_reason
+        if decisions.failures:
+            fail_safe, why = nothing.copy(), self._no_reason.copy()
+            for index, failure in decisions.failures.items():
+                fail_safe[index], why[index] = True, failure
+        entered = result.entered if result else told
+        speed, distance = (result or world).speed, (result or world).distance
+        if began or result is None:
+            entered, speed, distance = entered.copy(), speed.copy(), distance.copy()
+            places = list(began)
+            entered[places] = True
+            speed[places], distance[places] = world.speed[places], world.distance[places]
+        rewards = result.rewards if result else dict.fromkeys(TERMS, np.zeros(self.num_envs))
         columns: dict[str, Any] = {
             "action_mask": decisions.action_mask.astype(np.int8),
             "rewards": _with_masks(rewards, told),
@@ -195,7 +199,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
             "entered": entered,
             "speed": speed,
             "distance": distance,
-            "target_speed": decisions.target_speed.copy(),
+            "target_speed": decisions.target_speed,
             "fail_safe": fail_safe,
             "fail_safe_reason": why,
         }
@@ -225,6 +229,13 @@ def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> l
     if len(alike) > 1:
         raise UserError("the configurations differ in more than recording and direction")
     return configs
+
+
+def _constant(count: int, value: bool | str) -> npt.NDArray[Any]:
+    """An array that infos share where there is nothing to tell; not to be written to."""
+    result = np.full(count, value, dtype=np.bool_ if isinstance(value, bool) else object)
+    result.setflags(write=False)
+    return result
 
 
 def _with_masks(columns: dict[str, Any], told: Mask) -> dict[str, Any]:

@@ -385,7 +385,7 @@ class World:
         vehicle[:, 0] = EGO_ID
         x, y = chosen(egos.x), chosen(egos.y)
         nearest = np.abs(chosen(courses.centre) - y[:, None]).argmin(axis=1)
-        lane[:, 0] = chosen(courses.lane_id)[np.arange(len(nearest)), nearest]
+        lane[:, 0] = chosen(courses.lane_id)[self._everyone[: len(nearest)], nearest]
         own = (x, y, chosen(courses.sign) * chosen(egos.speed), chosen(egos.vy), *self._size)
         for column, value in zip(numbers, own, strict=True):
             column[:, 0] = value
