@@ -12,7 +12,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "drlsl"
 ORDER = ["errors", "logic", "traffic", "driving", "config", "learning", "cli"]
-ALLOWED_IN_LOGIC = {"numpy", "torch"}
+ALLOWED_IN_LOGIC = {"llvmlite", "numba", "numpy", "torch"}
 
 
 def imports(path: Path) -> Iterator[tuple[str, bool]]:

@@ -19,9 +19,6 @@ from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.python_text import CHOICE, PythonText, is_lookup
 from drlsl.logic.lowering.schema import Relation
 
-_TWICE: Final = frozenset(
-    {"min", "max", "div", "floordiv", "mod", "sqrt", "isign"}
-)  # their text names an argument twice
 _TRIVIAL: Final = frozenset({"const", "col", "loop", "row", "facts", "others", "where"})
 
 
@@ -57,20 +54,24 @@ class LoopPrinter(PythonText):
     # ---------------------------------------------------------------- rows
 
     @abstractmethod
-    def head(self, rows: Node, row: str) -> str:
-        """What begins a loop in which `row` stands for each of the rows in turn."""
+    def head(self, rows: Node, row: str) -> Sequence[str]:
+        """A loop in which `row` is each of the rows in turn: its first line, and what it begins with."""
 
     @abstractmethod
     def unpack(self, index: Node) -> None:
         """Give names to the columns of a row that are used."""
 
     @abstractmethod
-    def choose_rows(self, name: str, node: Node) -> Callable[[str], str]:
-        """Begin a selection of rows: the line that adds a row to it."""
+    def choose_rows(self, name: str, node: Node) -> Callable[[str], None]:
+        """Begin a selection of rows: what adds a row to it."""
 
     @abstractmethod
     def is_none(self, name: str, relation: Relation) -> str:
         """The test whether a variable stands for no row."""
+
+    def is_dear(self, node: Node) -> bool:
+        """Whether a value gets a variable even if it is used once."""
+        return False
 
     def no_value(self, value: Node, *, greatest: bool) -> str:
         """A number that is beyond every value."""
@@ -98,6 +99,17 @@ class LoopPrinter(PythonText):
         yield
         self.depth -= 1
         self.known = outer
+
+    @contextmanager
+    def each(self, bound: Node, row: str) -> Iterator[None]:
+        """The block of a loop over rows."""
+        head, *first = self.head(bound.args[0], row)
+        with self.block(head):
+            for line in first:
+                self.write(line)
+            self.known[bound] = row
+            self.unpack(bound)
+            yield
 
     def columns(self) -> dict[Relation, list[int]]:
         """What is read: the columns of each relation."""
@@ -160,9 +172,7 @@ class LoopPrinter(PythonText):
 
     def _loop(self, bound: Node, items: list[_Item], *, leave: bool) -> None:
         row = self.names.new(relation_of(bound).name)
-        with self.block(self.head(bound.args[0], row)):
-            self.known[bound] = row
-            self.unpack(bound)
+        with self.each(bound, row):
             self._items(items)
             if leave:
                 # the last line is the action, at its own depth
@@ -196,7 +206,7 @@ class LoopPrinter(PythonText):
 
         if node.op == "where":
             add = self.choose_rows(name, node)
-            return _Item(conds, (), lambda: self.write(add(row())))
+            return _Item(conds, (), lambda: add(row()))
         if node.op == "any":
             self.write(f"{name} = False")
             return _Item(conds, (), lambda: self.write(f"{name} = True"))
@@ -268,13 +278,16 @@ class LoopPrinter(PythonText):
         """Name the values that are needed now and used more than once from here on."""
         now = list(now)
         later = list(dict.fromkeys(node for item in items for node in (*item.conds, *item.values))) or now
-        uses = _count_uses(reach(later, self.known), later)
+        uses = Counter(later)
+        for node in reach(later, self.known):
+            for arg in node.args:
+                uses[arg] += 2 if node.op in self.twice and not arg.is_const else 1
         for node in reach(now, self.known):
             if node in self.known or node.op in _TRIVIAL or not self._in_scope(node):
                 continue
             if node.op in QUANTIFIERS and not is_lookup(node):
                 self._nested(node)
-            elif uses[node] > 1:
+            elif uses[node] > 1 or self.is_dear(node):
                 self.assign(node)
 
     def _in_scope(self, node: Node) -> bool:
@@ -306,14 +319,6 @@ _HINTS: Final = {
     "min_of": "least",
     "max_of": "greatest",
 }
-
-
-def _count_uses(nodes: Iterable[Node], roots: Iterable[Node]) -> Counter[Node]:
-    uses: Counter[Node] = Counter(roots)
-    for node in nodes:
-        for arg in node.args:
-            uses[arg] += 2 if node.op in _TWICE and not arg.is_const else 1
-    return uses
 
 
 def _fixed_parts(node: Node) -> Iterator[Node]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Final
+from collections.abc import Collection, Mapping
+from typing import ClassVar, Final
 
 from drlsl.logic.lowering.ir import Node, relation_of
 from drlsl.logic.lowering.names import Names
@@ -20,7 +21,7 @@ _INFIX: Final = {
     "bitor": ("|", 7),
 }
 _DIVISIONS: Final = {"div": ("/", "nan"), "floordiv": ("//", "0"), "mod": ("%", "0")}
-_CALLS: Final = {
+CALLS: Final = {
     "abs": "abs",
     "tofloat": "float",
     "sign": "sign",
@@ -53,6 +54,12 @@ def lookup_value(node: Node) -> Node:
 class PythonText(ABC):
     """Writes expressions, given the variables that hold some values."""
 
+    calls: ClassVar[Mapping[str, str]] = CALLS
+    """The functions that some operations are."""
+
+    twice: ClassVar[Collection[str]] = ("min", "max", "div", "floordiv", "mod", "sqrt", "isign")
+    """The operations whose text names an argument twice."""
+
     def __init__(self, names: Names) -> None:
         self.names = names
         self.known: dict[Node, str] = {}  # the variables of values, rows and indices where we are
@@ -60,6 +67,10 @@ class PythonText(ABC):
     @abstractmethod
     def atom(self, name: str) -> str:
         """An atom."""
+
+    def integer(self, value: int) -> str:
+        """An integer."""
+        return repr(value)
 
     @abstractmethod
     def column(self, index: str, relation: Relation, column: int) -> str:
@@ -86,7 +97,8 @@ class PythonText(ABC):
         if node.op == "const":
             if isinstance(node.data, Atom):
                 return self.atom(node.data.name), ATOMIC
-            return repr(node.data), ATOMIC if node.data >= 0 else UNARY
+            text = self.integer(node.data) if node.kind == "int" else repr(node.data)
+            return text, ATOMIC if node.data >= 0 else UNARY
         if node.op == "col":
             return self.column(self.text(args[0], ATOMIC), *node.data), ATOMIC
         if is_lookup(node):
@@ -94,16 +106,17 @@ class PythonText(ABC):
         if node.op in _INFIX:
             sign, own = _INFIX[node.op]
             return f"{self.text(args[0], own)} {sign} {self.text(args[1], own + 1)}", own
-        if node.op in _DIVISIONS:
-            return self._division(node)
-        if node.op in _CALLS or node.op == "function":
-            called = _CALLS.get(node.op) or f"math_{node.data}"
+        if node.op in self.calls or node.op == "function":
+            called = self.calls.get(node.op) or f"math_{node.data}"
             return f"{called}({', '.join(self.text(arg, CHOICE) for arg in args)})", ATOMIC
+        if node.op in _DIVISIONS:
+            return self.division(node)
         if node.kind == "bool":
-            return self._truth(node)
+            return self.truth(node)
         return self._choice(node)
 
-    def _division(self, node: Node) -> tuple[str, int]:
+    def division(self, node: Node) -> tuple[str, int]:
+        """A division, and how strongly it binds."""
         sign, otherwise = _DIVISIONS[node.op]
         left, right = node.args
         text = f"{self.text(left, 12)} {sign} {self.text(right, 13)}"
@@ -111,7 +124,8 @@ class PythonText(ABC):
             return text, 12
         return f"{text} if {self.text(right, OR)} else {otherwise}", CHOICE
 
-    def _truth(self, node: Node) -> tuple[str, int]:
+    def truth(self, node: Node) -> tuple[str, int]:
+        """Truth made of truths or comparisons, and how strongly it binds."""
         args = node.args
         if node.op in ("and", "or"):
             own = AND if node.op == "and" else OR

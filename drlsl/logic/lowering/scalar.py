@@ -93,8 +93,8 @@ class _Printer(LoopPrinter):
 
     # ---------------------------------------------------------------- rows
 
-    def head(self, rows: Node, row: str) -> str:
-        return f"for {row} in {self.known[rows]}:"
+    def head(self, rows: Node, row: str) -> Sequence[str]:
+        return (f"for {row} in {self.known[rows]}:",)
 
     def unpack(self, index: Node) -> None:
         relation = relation_of(index)
@@ -109,9 +109,9 @@ class _Printer(LoopPrinter):
         if any(target != "_" for target in targets):
             self.write(f"{', '.join(targets)}{',' if len(targets) == 1 else ''} = {self.known[index]}")
 
-    def choose_rows(self, name: str, node: Node) -> Callable[[str], str]:
+    def choose_rows(self, name: str, node: Node) -> Callable[[str], None]:
         self.write(f"{name} = []")
-        return lambda row: f"{name}.append({row})"
+        return lambda row: self.write(f"{name}.append({row})")
 
     def no_row(self, relation: Relation) -> str:
         if relation not in self._blanks:
@@ -193,9 +193,7 @@ class _Printer(LoopPrinter):
                 self._collect(tree.els, name)
         elif isinstance(tree, Each):
             row = self.names.new(relation_of(tree.loop).name)
-            with self.block(self.head(tree.loop.args[0], row)):
-                self.known[tree.loop] = row
-                self.unpack(tree.loop)
+            with self.each(tree.loop, row):
                 self._collect(tree.body, name)
         else:
             for child in children(tree):
