@@ -195,3 +195,6 @@ MATH: Final[dict[str, Callable[..., float]]] = {
     f"math_{name}": function for name, function in FUNCTIONS.items()
 }
 """Functions of the C library, by the name that generated code knows."""
+
+CALLED: Final[dict[str, Any]] = {**OPS, **MATH, "inf": math.inf, "nan": math.nan}
+"""What the text of `ArrayLoopPrinter` knows."""

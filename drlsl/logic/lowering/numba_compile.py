@@ -10,7 +10,6 @@ import ctypes
 import hashlib
 import importlib.util
 import logging
-import math
 import os
 import pickle
 import sys
@@ -18,7 +17,6 @@ import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Final
 
 import llvmlite.binding
@@ -28,7 +26,7 @@ from numba.extending import overload, register_jitable
 
 from drlsl.logic.lowering import loop_ops, numbers
 from drlsl.logic.lowering.array_loops import ArrayLoopPrinter, Kind, Parameter
-from drlsl.logic.lowering.loop_ops import MATH, OPS
+from drlsl.logic.lowering.loop_ops import CALLED, MATH, OPS
 
 _LOG: Final = logging.getLogger(__name__)
 _TYPES: Final[dict[Kind, Any]] = {"bool": types.boolean, "int": types.int64, "float": types.float64}
@@ -64,14 +62,9 @@ def compiled(printer: ArrayLoopPrinter, folder: Path | None) -> Callable[..., bo
             return _cached(text, signature, folder)
         except _BROKEN as error:
             _LOG.warning("%s: the machine code of rules cannot be kept there (%s)", folder, error)
-    namespace = function_namespace()
+    namespace = dict(CALLED)
     exec(compile(text, "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
     return _jit(namespace["answer"], signature, keep=False)
-
-
-def function_namespace() -> dict[str, Any]:
-    """What the text of `ArrayLoopPrinter` calls."""
-    return {**OPS, **MATH, "inf": math.inf, "nan": math.nan}
 
 
 def _type(parameter: Parameter, *, readonly: bool) -> Any:
@@ -92,7 +85,8 @@ def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
         spec = importlib.util.spec_from_file_location(name, path)
         assert spec is not None
         known = importlib.util.module_from_spec(spec)
-        exec(compile(text, path, "exec"), _filled(known))  # noqa: S102  (the text is made here)
+        vars(known).update(CALLED)
+        exec(compile(text, path, "exec"), vars(known))  # noqa: S102  (the text is made here)
         sys.modules[name] = known  # where numba looks for it when it loads machine code
         try:
             known.answer = _jit(known.answer, signature, keep=True)  # type: ignore[attr-defined]  # made by the text
@@ -101,11 +95,6 @@ def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
             raise
     function: Callable[..., bool] = known.answer
     return function
-
-
-def _filled(module: ModuleType) -> dict[str, Any]:
-    vars(module).update(function_namespace())
-    return vars(module)
 
 
 def _digest(text: str) -> str:

@@ -1,0 +1,39 @@
+"""The loops that Numba compiles, run by Python instead: what they say is tested without compiling each program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from drlsl.logic.lowering.array_loops import ArrayLoopPrinter
+from drlsl.logic.lowering.loop_ops import CALLED
+from drlsl.logic.lowering.lower import Lowered
+from drlsl.logic.lowering.numba_backend import NumbaProgram
+
+_KINDS: Final = {"bool": np.dtype(np.bool_), "int": np.dtype(np.int64), "float": np.dtype(np.float64)}
+
+
+def compile_plain(lowered: Lowered) -> NumbaProgram:
+    """The program of `compile_numba`, slow."""
+    printer = ArrayLoopPrinter(lowered)
+    return NumbaProgram(lowered, printer, _function(printer))
+
+
+def _function(printer: ArrayLoopPrinter) -> Callable[..., bool]:
+    """As choosy about its arguments as machine code is."""
+    namespace = dict(CALLED)
+    exec(compile(printer.module(), "<loops>", "exec"), namespace)
+    taken = [parameter for given in printer.given.values() for parameter in given.parameters]
+    parameters = [*taken, *printer.results]
+
+    def answer(*arguments: Any) -> bool:
+        for parameter, array in zip(parameters, arguments, strict=True):
+            fits = isinstance(array, np.ndarray) and array.dtype == _KINDS[parameter.kind]
+            if not fits or array.ndim != parameter.axes or not array.flags.c_contiguous:
+                raise TypeError(f"{parameter.name}: {array!r}")
+        with np.errstate(all="ignore"):
+            return bool(namespace["answer"](*arguments))
+
+    return answer
