@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drlsl.logic import Engine, EvaluationError
-from drlsl.logic.lowering import numpy_backend
+from drlsl.logic.lowering import numpy_backend, torch_backend
 from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.lower import Mode, Query, lower
 from drlsl.logic.lowering.numpy_backend import Rows, compile_numpy
@@ -331,6 +331,7 @@ def test_scenes_in_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = [facts(cars=CARS[: 1 + n % 4], limit=n / 3) for n in range(11)]
     for chunk in (1, 2, 4, 11, 2048):
         monkeypatch.setattr(numpy_backend, "CHUNK", chunk)
+        monkeypatch.setattr(torch_backend, "CHUNK", chunk)
         assert tiers(text, "p/2", "first").check(scenes) == 11
         assert tiers(text, "q/0", "holds").check(scenes) == 11
 

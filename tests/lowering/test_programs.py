@@ -27,7 +27,7 @@ def check(text: str, predicates: list[tuple[str, int]], scenes: list[Any]) -> No
                 continue
             answered = tiers.check(scenes)
             event("answered" if answered else "undecided")
-            event("arrays" if tiers.arrays is not None else "no arrays")
+            event("arrays" if tiers.arrays else "no arrays")
 
 
 @settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.too_slow])

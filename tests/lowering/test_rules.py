@@ -99,7 +99,7 @@ def test_what_driving_asks_is_decided_without_the_interpreter(program: str, scen
     for query in DECISION:
         both = tiers(program, query)
         assert both is not None
-        assert both.arrays is not None
+        assert both.arrays
         assert both.check([facts(scene)]) == 1
 
 
@@ -118,7 +118,7 @@ def test_a_vehicle_on_one_side_bars_that_side_alone(beside: int, offered: str) -
     }
     both = tiers("highway.pl", Query("safe_actions", 1, "set"))
     assert both is not None
-    assert both.arrays is not None
+    assert both.arrays
     assert both.check([scene, scene]) == 2
     wanted = ["left_lane_change", "right_lane_change"] if offered == "both" else [offered]
     assert both.scalar(scene)[0] == ["lane_keeping", *wanted]

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, TypeAlias
 
 import numpy as np
+import torch
 
 from drlsl.logic import Engine, PrologError
 from drlsl.logic.lowering.errors import NotLowerable, Undecided
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.numpy_backend import ArrayProgram, Rows, compile_numpy
+from drlsl.logic.lowering.batch_program import BatchProgram, Rows
+from drlsl.logic.lowering.lower import Lowered, Query, lower
+from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.logic.lowering.torch_backend import compile_torch
+
+torch.set_num_threads(1)  # tests run beside each other
+
+Program: TypeAlias = BatchProgram[Any]
+
+ARRAY_TIERS: Final[Mapping[str, Callable[[Lowered], Program]]] = {
+    "numpy": compile_numpy,
+    "torch": compile_torch,
+}
+"""The back ends for many scenes, all of which give the interpreter's bits."""
 
 Facts = Mapping[tuple[str, int], Sequence[Sequence[Any]]]
 
@@ -54,7 +67,7 @@ def same(left: Any, right: Any) -> bool:
     return type(left) is type(right) and bool(left == right)
 
 
-def to_rows(program: ArrayProgram, schema: Schema, scenes: Sequence[Facts]) -> dict[tuple[str, int], Rows]:
+def to_rows(program: Program, schema: Schema, scenes: Sequence[Facts]) -> dict[tuple[str, int], Rows]:
     """Scenes as arrays, each scene's rows padded with zeros."""
     atoms = program.code
     return {
@@ -84,7 +97,7 @@ def _many(relation: Relation, scenes: Sequence[Sequence[Sequence[Any]]], code: A
 
 
 class Tiers:
-    """One query of a program in all tiers."""
+    """One query of a program in all tiers; `arrays` is empty where its answer has no form as an array."""
 
     def __init__(self, engine: Engine, schema: Schema, query: Query, *, arrays: bool = True) -> None:
         self.engine = engine
@@ -92,12 +105,12 @@ class Tiers:
         self.query = query
         lowered = lower(engine, schema, [query])
         self.scalar = compile_scalar(lowered)
-        self.arrays: ArrayProgram | None = None
+        self.arrays: Mapping[str, Program] = {}
         if arrays:
             try:
-                self.arrays = compile_numpy(lowered)
+                self.arrays = {name: make(lowered) for name, make in ARRAY_TIERS.items()}
             except NotLowerable:
-                self.arrays = None
+                self.arrays = {}
 
     def check(self, scenes: Sequence[Facts]) -> int:
         """Compare the tiers' answers; the number of scenes that generated code could answer."""
@@ -112,46 +125,46 @@ class Tiers:
             assert same(answer, given), (
                 f"{self.query}: interpreter {answer!r}, scalar {given!r}, facts {facts!r}"
             )
-        if self.arrays is not None:
-            self._check_arrays(scenes, expected)
+        for tier in self.arrays:
+            self._check_arrays(tier, scenes, expected)
         return answered
 
-    def _check_arrays(self, scenes: Sequence[Facts], expected: Sequence[Any]) -> None:
-        assert self.arrays is not None
-        result = self.arrays(to_rows(self.arrays, self.schema, scenes))
+    def _check_arrays(self, tier: str, scenes: Sequence[Facts], expected: Sequence[Any]) -> None:
+        program = self.arrays[tier]
+        result = program(to_rows(program, self.schema, scenes))
         (answer,) = result.answers
+        value, fails, undecided = map(np.asarray, (answer.value, answer.fails, result.undecided))
         for n, (facts, wanted) in enumerate(zip(scenes, expected, strict=True)):
-            if result.undecided[n]:
+            if undecided[n]:
                 continue
             assert not isinstance(wanted, Exception), (
-                f"{self.query}: {wanted!r} went unnoticed, facts {facts!r}"
+                f"{self.query}: {wanted!r} went unnoticed in {tier}, facts {facts!r}"
             )
-            given = self._array_value(answer.value[n], bool(answer.fails[n]))
-            loose = self._expected(wanted)
-            assert given == loose, f"{self.query}: interpreter {loose!r}, arrays {given!r}, facts {facts!r}"
+            given = self._array_value(program, value[n], bool(fails[n]))
+            loose = self._expected(program, wanted)
+            assert given == loose, f"{self.query}: interpreter {loose!r}, {tier} {given!r}, facts {facts!r}"
 
-    def _array_value(self, value: Any, fails: bool) -> Any:
+    def _array_value(self, program: Program, value: Any, fails: bool) -> Any:
         if self.query.mode == "holds":
             return bool(value)
         if self.query.mode == "first":
             return None if fails else value.tolist()
-        assert self.arrays is not None
         return sorted(
-            (item for item, there in zip(self.arrays.choices[self.query], value, strict=True) if there),
+            (item for item, there in zip(program.choices[self.query], value, strict=True) if there),
             key=repr,
         )
 
-    def _expected(self, value: Any) -> Any:
+    def _expected(self, program: Program, value: Any) -> Any:
         """The interpreter's answer in the form that arrays have: atoms as codes, no tuples."""
-        assert self.arrays is not None
         if self.query.mode in ("set", "all"):
             return sorted(_distinct(value), key=repr)
         if isinstance(value, str):
-            return self.arrays.code(value)
+            return program.code(value)
         if isinstance(value, tuple):
             return [
                 part
-                for item in map(self._expected, value)
-                for part in (item if isinstance(item, list) else [item])
+                for item in value
+                for given in (self._expected(program, item),)
+                for part in (given if isinstance(given, list) else [given])
             ]
-        return [self._expected(item) for item in value] if isinstance(value, list) else value
+        return [self._expected(program, item) for item in value] if isinstance(value, list) else value

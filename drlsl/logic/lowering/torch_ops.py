@@ -228,7 +228,9 @@ class Ops:
             result: Tensor = getattr(torch, name)(*given)
             return result
         apply = np.frompyfunc(FUNCTIONS[name], len(given), 1)
-        return torch.as_tensor(np.asarray(apply(*(value.numpy() for value in given)), float)).to(self.dtype)
+        with np.errstate(all="ignore"):
+            values_of = np.asarray(apply(*(value.numpy() for value in given)), dtype=np.float64)
+        return torch.from_numpy(values_of).to(self.dtype)
 
 
 class Selected:
