@@ -10,8 +10,8 @@ import numpy as np
 import torch
 
 from drlsl.logic import Engine, PrologError
-from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.batch_program import BatchProgram, Rows
+from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
