@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "drlsl"
-ORDER = ["errors", "logic", "traffic", "driving", "config", "learning", "cli"]
+ORDER = ["errors", "logic", "traffic", "driving", "assurance", "config", "learning", "cli"]
 ALLOWED_IN_LOGIC = {"llvmlite", "numba", "numpy", "torch"}
 
 
@@ -65,6 +65,12 @@ def test_logic_imports_the_standard_library_only(path: Path) -> None:
 @pytest.mark.parametrize("path", sorted((PACKAGE / "driving").rglob("*.py")), ids=lambda path: path.name)
 def test_driving_never_imports_torch(path: Path) -> None:
     assert all(module.split(".")[0] != "torch" for module, _ in imports(path))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_commands_ask_for_evidence(path: Path) -> None:
+    if path.relative_to(PACKAGE).parts[0] not in ("assurance", "cli"):
+        assert not any(module.startswith("drlsl.assurance") for module, _ in imports(path))
 
 
 def loaded_by(code: str) -> set[str]:

@@ -1,0 +1,242 @@
+"""One expected answer: the goal that is asked, and what its solutions must be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+from drlsl.driving.reasons import SECTIONS
+from drlsl.driving.scene import Scene
+from drlsl.logic import Compound
+from drlsl.logic.lowering.lower import Mode
+
+Solutions: TypeAlias = Sequence[Mapping[str, Any]]
+
+OBSERVED: Final = (*SECTIONS, "lane", "speed")
+"""What the ten numbers of an observation are called."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A goal, and how much of its answer counts: whether it holds, its first solution, or all of them."""
+
+    goal: str
+    mode: Mode
+
+
+@dataclass(frozen=True)
+class Check:
+    """An expectation about one goal; `what` is the word for it."""
+
+    what: str
+    question: Question
+
+    def problem(self, found: Solutions) -> str | None:
+        """What is wrong with the solutions, as `expected ..., got ...`; None if they are right."""
+        expected, given = self.expected(), self.given(found)
+        return None if self.agrees(found) else f"expected {expected}, got {given}"
+
+    def agrees(self, found: Solutions) -> bool:
+        """Whether the solutions are as expected."""
+        raise NotImplementedError
+
+    def expected(self) -> str:
+        """The expectation in words."""
+        raise NotImplementedError
+
+    def given(self, found: Solutions) -> str:
+        """The answer in the same words."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Holds(Check):
+    """The goal has a solution, or it has none."""
+
+    wanted: bool
+
+    def agrees(self, found: Solutions) -> bool:
+        return bool(found) == self.wanted
+
+    def expected(self) -> str:
+        return str(self.wanted).lower()
+
+    def given(self, found: Solutions) -> str:
+        return str(bool(found)).lower()
+
+
+@dataclass(frozen=True)
+class Offered(Check):
+    """The values of the goal's only variable, in any order."""
+
+    wanted: tuple[str, ...]
+
+    def agrees(self, found: Solutions) -> bool:
+        return sorted(map(str, _values(found))) == sorted(self.wanted)
+
+    def expected(self) -> str:
+        return ", ".join(self.wanted) or "none"
+
+    def given(self, found: Solutions) -> str:
+        return ", ".join(map(str, _values(found))) or "none"
+
+
+@dataclass(frozen=True)
+class Equals(Check):
+    """The value of the goal's only variable in its first solution; a float may differ by `tolerance`."""
+
+    wanted: float
+    tolerance: float
+
+    def agrees(self, found: Solutions) -> bool:
+        return bool(found) and alike(self.wanted, _values(found)[0], self.tolerance)
+
+    def expected(self) -> str:
+        return shown(self.wanted)
+
+    def given(self, found: Solutions) -> str:
+        return shown(_values(found)[0]) if found else "no solution"
+
+
+@dataclass(frozen=True)
+class Observed(Check):
+    """Some of the ten numbers of an observation, by their place in it."""
+
+    wanted: tuple[tuple[str, float], ...]
+    tolerance: float
+
+    def agrees(self, found: Solutions) -> bool:
+        numbers = self._numbers(found)
+        return len(numbers) == len(OBSERVED) and all(
+            alike(value, numbers[OBSERVED.index(name)], self.tolerance) for name, value in self.wanted
+        )
+
+    def expected(self) -> str:
+        return ", ".join(f"{name} {shown(value)}" for name, value in self.wanted)
+
+    def given(self, found: Solutions) -> str:
+        numbers = self._numbers(found)
+        if len(numbers) != len(OBSERVED):
+            return shown(numbers) if found else "no solution"
+        return ", ".join(f"{name} {shown(numbers[OBSERVED.index(name)])}" for name, _ in self.wanted)
+
+    @staticmethod
+    def _numbers(found: Solutions) -> list[Any]:
+        value = _values(found)[0] if found else []
+        return value if isinstance(value, list) else [value]
+
+
+@dataclass(frozen=True)
+class Nearest(Check):
+    """Who is nearest in a section; None where it is free. The solutions give Section, Car and Gap."""
+
+    wanted: tuple[tuple[str, str | None], ...]
+
+    def agrees(self, found: Solutions) -> bool:
+        return all(self._nearest(found, section) == car for section, car in self.wanted)
+
+    def expected(self) -> str:
+        return ", ".join(f"{section} {car or 'free'}" for section, car in self.wanted)
+
+    def given(self, found: Solutions) -> str:
+        return ", ".join(f"{section} {self._nearest(found, section) or 'free'}" for section, _ in self.wanted)
+
+    @staticmethod
+    def _nearest(found: Solutions, section: str) -> str | None:
+        inside = [row for row in found if row["Section"] == section]
+        if not all(isinstance(row["Gap"], int | float) for row in inside):
+            return "a gap that is no number"
+        return str(min(inside, key=lambda row: float(row["Gap"]))["Car"]) if inside else None
+
+
+@dataclass(frozen=True)
+class Opposed(Check):
+    """The reasons against an action, in any order; a vehicle that is too close as `too_close NAME`."""
+
+    wanted: tuple[str, ...]
+
+    def agrees(self, found: Solutions) -> bool:
+        return sorted(self._reasons(found)) == sorted(self.wanted)
+
+    def expected(self) -> str:
+        return ", ".join(self.wanted) or "none"
+
+    def given(self, found: Solutions) -> str:
+        return ", ".join(self._reasons(found)) or "none"
+
+    @staticmethod
+    def _reasons(found: Solutions) -> list[str]:
+        reasons = _values(found)
+        return [
+            f"{term.name} {term.args[0]}" if isinstance(term, Compound) else str(term) for term in reasons
+        ]
+
+
+@dataclass(frozen=True)
+class Solves(Check):
+    """All solutions of a goal, in order; floats may differ by `tolerance`."""
+
+    wanted: tuple[Mapping[str, Any], ...]
+    tolerance: float
+
+    def agrees(self, found: Solutions) -> bool:
+        return len(found) == len(self.wanted) and all(
+            row.keys() >= wanted.keys()
+            and all(alike(value, row[name], self.tolerance) for name, value in wanted.items())
+            for wanted, row in zip(self.wanted, found, strict=True)
+        )
+
+    def expected(self) -> str:
+        return _rows(self.wanted)
+
+    def given(self, found: Solutions) -> str:
+        return _rows(found)
+
+
+def _rows(solutions: Solutions) -> str:
+    rows = ["; ".join(f"{name} = {shown(value)}" for name, value in row.items()) for row in solutions]
+    return " | ".join(row or "true" for row in rows) or "no solution"
+
+
+def _values(found: Solutions) -> list[Any]:
+    """The values of the only variable."""
+    return [next(iter(row.values())) for row in found]
+
+
+def alike(wanted: Any, given: Any, tolerance: float) -> bool:
+    """Equal; numbers within the tolerance, integers of the rules only to whole numbers."""
+    if isinstance(wanted, list):
+        return (
+            isinstance(given, list)
+            and len(wanted) == len(given)
+            and all(alike(one, other, tolerance) for one, other in zip(wanted, given, strict=True))
+        )
+    if isinstance(given, float) and isinstance(wanted, int | float):
+        return math.isfinite(given) and abs(given - wanted) <= tolerance
+    return bool(wanted == (str(given) if isinstance(given, Compound) else given))
+
+
+def shown(value: Any) -> str:
+    """A value of a solution for a person; floats to six places."""
+    if isinstance(value, float):
+        return f"{value:.6f}".rstrip("0").rstrip(".") if abs(value) >= 1e-6 or value == 0 else repr(value)
+    if isinstance(value, list):
+        return f"[{', '.join(map(shown, value))}]"
+    return str(value)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with what is expected of the rules in it.
+
+    `place` is file and line, `name` says what it is about. `fails` is a part of the message with which the
+    rules are expected to fail instead of deciding; None where a usable decision is expected.
+    """
+
+    place: str
+    name: str
+    scene: Scene
+    checks: tuple[Check, ...]
+    fails: str | None = None

@@ -1,0 +1,209 @@
+"""Where the parts of a clause stand in its text: the head, the goals, their arguments, the operators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+from drlsl.logic.flags import Flags
+from drlsl.logic.operators import Operators
+from drlsl.logic.program import Clause, Program
+from drlsl.logic.reader import ReadTerm, Source
+from drlsl.logic.tokens import (
+    FRACTION,
+    INTEGER,
+    LETTER_OPEN,
+    PUNCTUATION,
+    QUOTED_OPEN,
+    SYMBOL,
+    SYMBOL_OPEN,
+    VARIABLE,
+    WORD,
+    WORD_OPEN,
+    Token,
+    Tokens,
+)
+
+CONTROL: Final = frozenset({",", ";", "->", "*->", "|"})
+"""What stands between goals."""
+
+_OPEN: Final = frozenset({WORD_OPEN, SYMBOL_OPEN, QUOTED_OPEN, LETTER_OPEN})
+
+GOAL_ARGUMENTS: Final = {
+    ("findall", 3): (1,),
+    ("findall", 4): (1,),
+    ("bagof", 3): (1,),
+    ("setof", 3): (1,),
+    ("aggregate_all", 3): (1,),
+    ("aggregate_all", 4): (2,),
+    ("forall", 2): (0, 1),
+    ("once", 1): (0,),
+    ("ignore", 1): (0,),
+    ("call", 1): (0,),
+    ("not", 1): (0,),
+    ("\\+", 1): (0,),
+}
+"""The arguments of builtins that are goals, from 0."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """The tokens from `first` up to and without `end`."""
+
+    first: int
+    end: int
+
+    def __len__(self) -> int:
+        return self.end - self.first
+
+    def holds(self, other: Range) -> bool:
+        """Whether it has all the tokens of another."""
+        return self.first <= other.first and other.end <= self.end
+
+
+@dataclass(frozen=True)
+class Call:
+    """The head or a goal: its tokens, and those of each argument of its functor."""
+
+    tokens: Range
+    arguments: tuple[Range, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ClauseText:
+    """A clause of a loaded program with the text that it was read from.
+
+    `number` counts the clauses of its predicate from 1; `start` is the offset of its text in `source`.
+    """
+
+    clause: Clause
+    number: int
+    source: Source
+    start: int
+    tokens: Sequence[Token]
+
+    @property
+    def predicate(self) -> str:
+        """Name and arity."""
+        name, arity = self.clause.predicate.indicator
+        return f"{name}/{arity}"
+
+    @property
+    def text(self) -> str:
+        """The clause, with its end token."""
+        return self.source.text[self.start : self.tokens[-1][2] + 1]
+
+    @cached_property
+    def neck(self) -> int:
+        """The index of ``:-``, or of the end token of a fact."""
+        ends = [n for n, token in enumerate(self.tokens) if token[:2] == (SYMBOL, ":-")]
+        return ends[0] if ends else len(self.tokens) - 1
+
+    @cached_property
+    def head(self) -> Call:
+        """The head and its arguments."""
+        return self._call(Range(0, self.neck))
+
+    @cached_property
+    def goals(self) -> tuple[Call, ...]:
+        """The goals of the body, outer ones before the goals inside them."""
+        end = len(self.tokens) - 1
+        return tuple(self._goals(Range(min(self.neck + 1, end), end)))
+
+    def offset(self, index: int) -> int:
+        """Where a token begins in the source."""
+        return self.tokens[index][2]
+
+    def stretch(self, part: Range) -> tuple[int, int]:
+        """Where tokens begin and end in the source."""
+        start = self.offset(part.first)
+        return start, start + len(self.source.text[start : self.offset(part.end)].rstrip())
+
+    def _goals(self, body: Range) -> Iterator[Call]:
+        for part in self._split(body, CONTROL):
+            if len(part) == 0:
+                continue
+            first = self.tokens[part.first]
+            if first[:2] == (SYMBOL, "\\+"):
+                yield Call(part)
+                yield from self._goals(Range(part.first + 1, part.end))
+            elif first[:2] == (PUNCTUATION, "(") and self._closing(part.first) == part.end - 1:
+                yield from self._goals(Range(part.first + 1, part.end - 1))
+            else:
+                call = self._call(part)
+                yield call
+                inner = GOAL_ARGUMENTS.get((first[1], len(call.arguments)), ())
+                for index in inner:
+                    yield from self._goals(call.arguments[index])
+
+    def _call(self, part: Range) -> Call:
+        """A head or goal; it has arguments where it is a functor with brackets and nothing behind them."""
+        if len(part) and self.tokens[part.first][0] in _OPEN and self._closing(part.first) == part.end - 1:
+            inside = Range(part.first + 1, part.end - 1)
+            return Call(part, tuple(self._split(inside, frozenset({","}))))
+        return Call(part)
+
+    def _split(self, part: Range, separators: frozenset[str]) -> Iterator[Range]:
+        """The stretches between separators that stand in no bracket."""
+        first = index = part.first
+        while index < part.end:
+            kind, text, _ = self.tokens[index]
+            if kind in _OPEN or (kind == PUNCTUATION and text in "([{"):
+                index = self._closing(index)
+            elif text in separators and kind in (PUNCTUATION, SYMBOL):
+                yield Range(first, index)
+                first = index + 1
+            index += 1
+        yield Range(first, part.end)
+
+    def _closing(self, opening: int) -> int:
+        """The index of the bracket that closes the one that a token opens."""
+        depth = 0
+        for index in range(opening, len(self.tokens)):
+            kind, text, _ = self.tokens[index]
+            if kind in _OPEN or (kind == PUNCTUATION and text in "([{"):
+                depth += 1
+            elif kind == PUNCTUATION and text in ")]}":
+                depth -= 1
+                if depth == 0:
+                    return index
+        raise AssertionError("the reader has accepted the clause, so its brackets are closed")
+
+    def is_infix(self, index: int) -> bool:
+        """Whether an operator has an operand on its left."""
+        kind, text, _ = self.tokens[index - 1]
+        operand = kind in (VARIABLE, INTEGER, FRACTION) or (kind == WORD and text not in _WORD_OPERATORS)
+        return index > 0 and (operand or (kind == PUNCTUATION and text in ")]}"))
+
+
+_WORD_OPERATORS: Final = frozenset({name for name in Operators().infix if name.isalpha()})
+
+
+def clause_texts(program: Program) -> list[ClauseText]:
+    """The clauses of a program that were read from a text, in the order of files and lines."""
+    found = []
+    for predicate in program.predicates.values():
+        if predicate.rows is not None:
+            continue
+        for number, clause in enumerate(predicate.clauses, 1):
+            if isinstance(clause.origin, ReadTerm):
+                found.append(_with_text(clause, number, clause.origin))
+    names = list(dict.fromkeys(each.source.name for each in found))
+    return sorted(found, key=lambda each: (names.index(each.source.name), each.start))
+
+
+def _with_text(clause: Clause, number: int, read: ReadTerm) -> ClauseText:
+    source = read.source
+    tokens = Tokens(source, Flags())
+    tokens.offset = _offset(source, read.span.line, read.span.column)
+    found = tokens.clause()
+    return ClauseText(clause, number, source, found[0][2], found)
+
+
+def _offset(source: Source, line: int, column: int) -> int:
+    start = 0
+    for _ in range(line - 1):
+        start = source.text.index("\n", start) + 1
+    return start + column - 1

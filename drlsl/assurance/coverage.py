@@ -1,0 +1,190 @@
+"""Which clauses and branches of a rule program its tables reach, found by running an instrumented copy.
+
+The copy has a goal ``nb_setval(Point, true)`` wherever something is to be noticed, so the solver is as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from drlsl.assurance.asking import WRONG, Interpreter
+from drlsl.assurance.checks import Case
+from drlsl.assurance.clause_text import GOAL_ARGUMENTS, ClauseText, clause_texts
+from drlsl.driving.shield import Shield
+from drlsl.logic.body import callable_parts
+from drlsl.logic.builtins.database import split_clause
+from drlsl.logic.engine import Engine
+from drlsl.logic.program import Clause
+from drlsl.logic.reader import ReadTerm
+from drlsl.logic.terms import TRUE, Atom, Struct, Term, deref
+
+_FAIL: Final = Atom("fail")
+_POINT: Final = "$covered"
+
+
+@dataclass(frozen=True)
+class Point:
+    """Something that should happen when rules are tried: `what` happens, and where it stands.
+
+    `what` is "clause" for a clause that answers; for the rest it says which branch is taken.
+    """
+
+    what: str
+    predicate: str
+    clause: int
+    file: str
+    line: int
+    column: int
+
+    @property
+    def is_clause(self) -> bool:
+        """Whether this is a clause and no branch inside one."""
+        return self.what == CLAUSE
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}: {self.predicate} clause {self.clause}: {self.what}"
+
+
+CLAUSE: Final = "answers"
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """The points of a program that were reached, and those that were not."""
+
+    reached: tuple[Point, ...]
+    missed: tuple[Point, ...]
+
+    def share(self, *, clauses: bool) -> tuple[int, int]:
+        """How many clauses, or else branches, were reached, and how many there are."""
+        reached = sum(point.is_clause == clauses for point in self.reached)
+        return reached, reached + sum(point.is_clause == clauses for point in self.missed)
+
+
+class Instrumented:
+    """An engine whose program notes what is reached; the program is changed in place."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._globals = engine.globals
+        self.points: list[Point] = []
+        self._entries: list[ClauseText] = []
+        for text in clause_texts(engine.program):
+            predicate = text.clause.predicate
+            clauses = list(predicate.clauses)
+            clauses[text.number - 1] = self._instrumented(text)
+            predicate.replace(clauses)
+
+    def begin(self) -> None:
+        """Forget what was reached."""
+        for key in [key for key in self._globals if key.startswith(_POINT)]:
+            del self._globals[key]
+
+    def reached(self) -> set[int]:
+        """The indexes of the points that were reached since `begin`."""
+        return {int(key.split()[2]) for key in self._globals if key.startswith(f"{_POINT} point")}
+
+    def entered(self) -> set[tuple[str, int]]:
+        """The clauses, by predicate and number, whose heads matched since `begin`."""
+        found = (key.split()[2] for key in self._globals if key.startswith(f"{_POINT} entry"))
+        return {(self._entries[int(n)].predicate, self._entries[int(n)].number) for n in found}
+
+    def _instrumented(self, text: ClauseText) -> Clause:
+        clause = text.clause
+        self._entries.append(text)
+        entry = _note(f"entry {len(self._entries) - 1}")
+        end = self._point(CLAUSE, text, None, 0)
+        # The reader knows places in the term that it read; the clause's body may be a copy.
+        read = clause.origin.term
+        is_rule = type(read) is Struct and read.name == ":-"
+        body = self._body(read.args[1], text) if is_rule else clause.body
+        head, body = split_clause(Struct(":-", (clause.head, _all_of(entry, body, end))))
+        return Clause(head, body, clause.span, clause.names, clause.source, clause.origin)
+
+    def _point(self, what: str, text: ClauseText, control: Struct | None, index: int) -> Term:
+        """A goal that notes a point, at the argument of a control construct or at the clause itself."""
+        place = text.clause.span
+        if control is not None and isinstance(text.clause.origin, ReadTerm):
+            place = text.clause.origin.place(control, index) or place
+        self.points.append(Point(what, text.predicate, text.number, place.name, place.line, place.column))
+        return _note(f"point {len(self.points) - 1}")
+
+    def _body(self, term: Term, text: ClauseText) -> Term:
+        term = deref(term)
+        if type(term) is not Struct:
+            return term
+        name, args = callable_parts(term)
+        if (name, len(args)) == (",", 2):
+            return Struct(",", (self._body(args[0], text), self._body(args[1], text)))
+        if (name, len(args)) in ((";", 2), ("|", 2)):
+            return self._either(term, text)
+        if name in ("->", "*->") and len(args) == 2:
+            return self._then(term, text)
+        if (name, len(args)) in (("\\+", 1), ("not", 1)):
+            return self._negation(term, text)
+        inner = GOAL_ARGUMENTS.get((name, len(args)), ())
+        if not inner:
+            return term
+        return Struct(name, tuple(self._body(arg, text) if n in inner else arg for n, arg in enumerate(args)))
+
+    def _either(self, term: Struct, text: ClauseText) -> Term:
+        first = deref(term.args[0])
+        if type(first) is Struct and first.name in ("->", "*->") and len(first.args) == 2:
+            otherwise = _all_of(self._point("else", text, term, 1), self._body(term.args[1], text))
+            return Struct(";", (self._then(first, text), otherwise))
+        arms = [
+            _all_of(self._body(arm, text), self._point("alternative", text, term, index))
+            for index, arm in enumerate(term.args)
+        ]
+        return Struct(";", tuple(arms))
+
+    def _then(self, term: Struct, text: ClauseText) -> Term:
+        then = _all_of(self._point("then", text, term, 1), self._body(term.args[1], text))
+        return Struct(term.name, (self._body(term.args[0], text), then))
+
+    def _negation(self, term: Struct, text: ClauseText) -> Term:
+        """``\\+ G`` notes both outcomes and binds nothing, as before."""
+        found = _all_of(self._point("negation fails", text, term, 0), _FAIL)
+        none = self._point("negation holds", text, term, 0)
+        return Struct(";", (Struct("->", (self._body(term.args[0], text), found)), none))
+
+
+def _note(key: str) -> Term:
+    return Struct("nb_setval", (Atom(f"{_POINT} {key}"), TRUE))
+
+
+def _all_of(*goals: Term) -> Term:
+    result = goals[-1]
+    for goal in reversed(goals[:-1]):
+        result = result if goal is TRUE else Struct(",", (goal, result))
+    return result
+
+
+Traces = Mapping[tuple[int, int], frozenset[tuple[str, int]]]
+"""The clauses whose heads matched, by the index of the case and of its check."""
+
+
+def measure(shield: Shield, cases: Sequence[Case]) -> tuple[Coverage, Traces]:
+    """Run the checks of all cases on the interpreter; the shield's program is instrumented by this.
+
+    Returns:
+        What was reached, and which clauses each check tried.
+    """
+    noted = Instrumented(shield.engine)
+    asker = Interpreter(shield)
+    reached: set[int] = set()
+    traces = {}
+    for index, case in enumerate(cases):
+        for number, check in enumerate(case.checks):
+            noted.begin()
+            try:
+                asker.ask(case.scene, check.question)
+            except WRONG:
+                continue
+            finally:
+                reached |= noted.reached()
+                traces[index, number] = frozenset(noted.entered())
+    hits = tuple(point for n, point in enumerate(noted.points) if n in reached)
+    missed = tuple(point for n, point in enumerate(noted.points) if n not in reached)
+    return Coverage(hits, missed), traces

@@ -1,0 +1,283 @@
+"""Whether tables notice the mutants of a rule program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from drlsl.assurance.asking import WRONG, Generated, Interpreter, decision_problem, first_line, problem_of
+from drlsl.assurance.checks import Case, Question
+from drlsl.assurance.clause_text import ClauseText, clause_texts
+from drlsl.assurance.coverage import Traces, measure
+from drlsl.assurance.mutants import Mutant, mutants_of
+from drlsl.driving.shield import Shield
+from drlsl.errors import UserError
+from drlsl.logic import Limits, PrologError
+from drlsl.logic.builtins.database import split_clause
+from drlsl.logic.engine import Engine
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.program import Clause, Predicate
+from drlsl.logic.reader import read_term
+from drlsl.logic.terms import Atom, Struct, Term, deref
+
+LIMITS: Final = Limits(inferences=300_000)
+"""What one question may cost a mutant; the rules need a hundredth of it."""
+
+_FIRST: Final = 12
+"""Checks that the interpreter makes before code is generated for a mutant."""
+
+_WORTHWHILE: Final = 8
+"""Checks that ask the same question from which on generated code is faster."""
+
+Key = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a mutant: where it stands, what it changes, and what noticed it; None if nothing did."""
+
+    name: str
+    kind: str
+    place: str
+    before: str
+    after: str
+    killed_by: str | None
+
+
+@dataclass(frozen=True)
+class Score:
+    """The verdicts on all mutants of a program; `reasons` explain survivors, by their names."""
+
+    verdicts: tuple[Verdict, ...]
+    reasons: Mapping[str, str]
+
+    @property
+    def killed(self) -> int:
+        """How many mutants were noticed."""
+        return sum(verdict.killed_by is not None for verdict in self.verdicts)
+
+    @property
+    def survivors(self) -> list[Verdict]:
+        """The mutants that nothing noticed."""
+        return [verdict for verdict in self.verdicts if verdict.killed_by is None]
+
+    @property
+    def unexplained(self) -> list[Verdict]:
+        """The survivors that have no reason."""
+        return [verdict for verdict in self.survivors if verdict.name not in self.reasons]
+
+    @property
+    def share(self) -> float:
+        """Killed over all mutants, survivors with a reason included, from 0 to 1."""
+        return self.killed / len(self.verdicts) if self.verdicts else 1.0
+
+
+class Tester:
+    """Puts mutants into a program, one after the other, and asks the tables about each."""
+
+    def __init__(self, rules: Sequence[Path], cases: Sequence[Case]) -> None:
+        self._shield = Shield.from_files(rules)
+        self._engine: Engine = self._shield.engine
+        self._cases = cases
+        self._traces: Traces = measure(Shield.from_files(rules), cases)[1]
+        self._reach = _Reach(self._engine)
+        self._interpreter = Interpreter(self._shield, LIMITS)
+        self.clauses: Final = clause_texts(self._engine.program)
+        self.mutants: Final = mutants_of(self.clauses)
+        self._lucky: list[Key] = []
+
+    def test_clause(self, number: int) -> list[Verdict]:
+        """The verdicts on all mutants of one clause."""
+        clause = self.clauses[number]
+        self._lucky = []
+        return [self.verdict(mutant) for mutant in self.mutants if mutant.clause is clause]
+
+    def verdict(self, mutant: Mutant) -> Verdict:
+        """Put a mutant in, ask until a check fails, and take it out again."""
+        try:
+            clauses = _mutated(mutant, self._engine)
+        except PrologError as error:
+            killed_by: str | None = f"not a clause: {first_line(error)}"
+        else:
+            with _in_place(mutant.clause.clause.predicate, clauses):
+                killed_by = self._killer(mutant.clause)
+        return Verdict(mutant.name, mutant.kind, mutant.place, mutant.before, mutant.after, killed_by)
+
+    def _killer(self, clause: ClauseText) -> str | None:
+        """The first check that fails, by place and question."""
+        keys = self._relevant(clause)
+        for key in keys[:_FIRST]:
+            if problem_of(self._interpreter, self._cases[key[0]], key[1]) is not None:
+                return self._noticed(key)
+        generated = Generated(self._engine, self._interpreter)
+        by_question: dict[Question, list[Key]] = {}
+        for key in keys[_FIRST:]:
+            by_question.setdefault(self._question(key), []).append(key)
+        for question, group in by_question.items():
+            asker = (
+                generated if len(group) >= _WORTHWHILE and _can(generated, question) else self._interpreter
+            )
+            for key in group:
+                if problem_of(asker, self._cases[key[0]], key[1]) is not None:
+                    return self._noticed(key)
+        for case in self._cases:
+            if case.fails is not None and decision_problem(self._shield, case) is not None:
+                return f"{case.place} decision"
+        return None
+
+    def _relevant(self, clause: ClauseText) -> list[Key]:
+        """The checks that may depend on a clause, likely ones first.
+
+        First those that noticed mutants of this clause before, then those that tried it, then those that
+        tried another clause of its predicate. What cannot reach the predicate at all is left out.
+        """
+        own, predicate = (clause.predicate, clause.number), clause.predicate
+        name = clause.clause.predicate.name
+
+        def rank(key: Key) -> tuple[int, Key]:
+            tried = self._traces[key]
+            if own in tried:
+                return 0, key
+            return (1, key) if any(other == predicate for other, _ in tried) else (2, key)
+
+        keys = [
+            (case, check)
+            for case in range(len(self._cases))
+            for check in range(len(self._cases[case].checks))
+            if self._reach.reaches(self._question((case, check)), name)
+        ]
+        return list(dict.fromkeys([*self._lucky, *sorted(keys, key=rank)]))
+
+    def _question(self, key: Key) -> Question:
+        return self._cases[key[0]].checks[key[1]].question
+
+    def _noticed(self, key: Key) -> str:
+        self._lucky = [key, *(other for other in self._lucky if other != key)]
+        case = self._cases[key[0]]
+        return f"{case.place} {case.checks[key[1]].what}"
+
+
+def _can(generated: Generated, question: Question) -> bool:
+    try:
+        generated.prepare(question)
+    except (NotLowerable, *WRONG):
+        return False
+    return True
+
+
+def _mutated(mutant: Mutant, engine: Engine) -> list[Clause]:
+    """The clauses of the mutant's predicate."""
+    old = mutant.clause.clause
+    clauses = list(old.predicate.clauses)
+    at = mutant.clause.number - 1
+    if mutant.swapped is not None:
+        clauses[at], clauses[at + 1] = clauses[at + 1], clauses[at]
+    elif mutant.text is None:
+        del clauses[at]
+    else:
+        read = read_term(mutant.text, engine.operators, engine.flags, mutant.clause.source.name)
+        head, body = split_clause(read.term)
+        clauses[at] = Clause(head, body, old.span, read.variables, old.source, read)
+    return clauses
+
+
+@contextmanager
+def _in_place(predicate: Predicate, clauses: list[Clause]) -> Iterator[None]:
+    """Have a predicate consist of other clauses for a while; without any it is not defined."""
+    before = list(predicate.clauses)
+    predicate.replace(clauses)
+    predicate.defined = bool(clauses) or predicate.dynamic
+    try:
+        yield
+    finally:
+        predicate.replace(before)
+
+
+class _Reach:
+    """Which predicates a question can call, by names: a superset, since every atom and functor counts."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._names: dict[str, set[str]] = {}
+        for predicate in engine.program.predicates.values():
+            if predicate.rows is None:
+                names = self._names.setdefault(predicate.name, set())
+                names.update(name for clause in predicate.clauses for name in _names(clause.body))
+        self._known: dict[Question, frozenset[str]] = {}
+
+    def reaches(self, question: Question, name: str) -> bool:
+        """Whether asking the question may call a predicate of that name."""
+        known = self._known.get(question)
+        if known is None:
+            goal = read_term(question.goal, self._engine.operators, self._engine.flags, "goal").term
+            known = self._known[question] = self._closure(set(_names(goal)))
+        return name in known
+
+    def _closure(self, names: set[str]) -> frozenset[str]:
+        todo = list(names)
+        while todo:
+            for name in self._names.get(todo.pop(), set()) - names:
+                names.add(name)
+                todo.append(name)
+        return frozenset(names)
+
+
+def _names(term: Term) -> Iterator[str]:
+    todo = [term]
+    while todo:
+        term = deref(todo.pop())
+        if type(term) is Atom:
+            yield term.name
+        elif type(term) is Struct:
+            yield term.name
+            todo.extend(term.args)
+
+
+# ---------------------------------------------------------------------- many mutants
+
+
+def score(
+    rules: Sequence[Path], cases: Sequence[Case], reasons: Mapping[str, str] | None = None, *, jobs: int = 1
+) -> Score:
+    """Test every mutant of a program with cases that the program itself passes, in `jobs` processes.
+
+    Raises:
+        UserError: a name in `reasons` is that of no survivor.
+    """
+    with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
+        work = partial(_share, rules, cases, jobs=jobs)
+        shares = pool.map(work, range(jobs)) if pool is not None else map(work, range(jobs))
+        by_clause = sorted((found for share in shares for found in share), key=lambda found: found[0])
+    verdicts = tuple(verdict for _, found in by_clause for verdict in found)
+    result = Score(verdicts, reasons or {})
+    _refuse_stale(result)
+    return result
+
+
+def _share(
+    rules: Sequence[Path], cases: Sequence[Case], job: int, jobs: int
+) -> list[tuple[int, list[Verdict]]]:
+    """The verdicts on every `jobs`-th clause, with the clause's number."""
+    tester = Tester(rules, cases)
+    return [(number, tester.test_clause(number)) for number in range(job, len(tester.clauses), jobs)]
+
+
+def _refuse_stale(found: Score) -> None:
+    """A reason for something that is no survivor is wrong, and hides what it may have been written for."""
+    verdicts = {verdict.name: verdict for verdict in found.verdicts}
+    for name in found.reasons:
+        verdict = verdicts.get(name)
+        if verdict is None:
+            near = get_close_matches(name, verdicts, 1)
+            hint = f"; did you mean {near[0]!r}" if near else ""
+            raise UserError(f"a reason is given for the mutant {name!r}, which there is not{hint}")
+        if verdict.killed_by is not None:
+            raise UserError(
+                f"a reason is given for {name!r}, but {verdict.killed_by} notices it: take it out"
+            )

@@ -1,0 +1,209 @@
+"""Scenes in the words of a driver: lanes counted from the right, gaps from bumper to bumper.
+
+Nobody who writes a table computes coordinates. Rows say where everybody is as the ego's driver sees it;
+`scene_of` lays them out on the road for one direction of travel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.scene import EGO, Road, Scene, Vehicle
+from drlsl.traffic.road import Direction, Lane
+
+Positive = Annotated[float, Field(gt=0)]
+LaneWord = Literal["left", "own", "right"]
+
+# With these and lanes 3.5 m wide, places and sizes add up exactly, so a row can be exactly at a limit.
+LENGTH: Final = 4.5
+WIDTH: Final = 2.0
+EGO_X: Final = 256.0
+
+
+class Row(BaseModel):
+    """A part of a table that refuses keys it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class LaneRow(Row):
+    """A lane that is not like the others; `apart` is the strip between it and the lane to its right [m]."""
+
+    width: Positive | None = None
+    speed_limit: Positive | None = None
+    apart: float = Field(0.0, ge=0)
+
+
+class RoadRow(Row):
+    """The road: `lanes` of the ego's direction, left of them the `median` and `oncoming` ones; SI units."""
+
+    lanes: Annotated[int, Field(ge=1)] | list[LaneRow] = 3
+    oncoming: int = Field(0, ge=0)
+    median: float = Field(2.0, ge=0)
+    lane_width: Positive = 3.5
+    speed_limit: Positive = 30.0
+    time_step: Positive = 0.04
+    radar_range: Positive = 100.0
+    acceleration_limit: Positive = ACCELERATION_LIMIT
+    braking_limit: Positive = BRAKING_LIMIT
+    centre_tolerance: float = Field(CENTRE_TOLERANCE, ge=0)
+
+
+class BoxRow(Row):
+    """What ego and vehicles share; SI units.
+
+    `shift`: how far its centre is to the ego driver's left of the lane's centre; `drift`: the speed that way.
+    """
+
+    shift: float = 0.0
+    drift: float = 0.0
+    length: Positive = LENGTH
+    width: Positive = WIDTH
+
+
+class EgoRow(BoxRow):
+    """The ego: its lane, counted from the right; its speed [m/s]; the lane that it steers for."""
+
+    lane: int = Field(1, ge=1)
+    speed: float = 20.0
+    target: LaneWord | int = "own"
+
+
+class VehicleRow(BoxRow):
+    """Another vehicle: its lane, where it is along the road, and its speed in its lane's direction [m/s].
+
+    `lane` is left, own or right of the ego's, or a number: 1, 2 … from the right, or -1, -2 … for oncoming
+    lanes from the median. Exactly one is given of `ahead` and `behind`, the gap from bumper to bumper [m],
+    and `offset`, how far its centre is ahead of the ego's [m].
+    """
+
+    lane: LaneWord | int = "own"
+    ahead: float | None = None
+    behind: float | None = None
+    offset: float | None = None
+    speed: float | None = None
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if sum(place is not None for place in (self.ahead, self.behind, self.offset)) != 1:
+            raise ValueError("expected one of ahead, behind (bumper to bumper) and offset (between centres)")
+        return self
+
+
+class Layout:
+    """A road as the driver sees it and as the rules are told, for one direction of travel."""
+
+    def __init__(self, row: RoadRow, direction: Direction) -> None:
+        lanes = [LaneRow() for _ in range(row.lanes)] if isinstance(row.lanes, int) else row.lanes
+        self.sign: Final = direction.sign
+        self.count: Final = len(lanes)
+        self._centres: list[float] = []
+        strips: list[tuple[float, float, Direction]] = []
+        edge = 0.0
+        opposite = (
+            Direction.RIGHT_TO_LEFT if direction is Direction.LEFT_TO_RIGHT else Direction.LEFT_TO_RIGHT
+        )
+        oncoming = [LaneRow(apart=row.median if n == 0 else 0.0) for n in range(row.oncoming)]
+        for number, lane in enumerate([*lanes, *oncoming]):
+            width = lane.width or row.lane_width
+            self._centres.append(edge + lane.apart + width / 2)
+            strips.append(
+                (width, lane.speed_limit or row.speed_limit, direction if number < len(lanes) else opposite)
+            )
+            edge += lane.apart + width
+        self._edge = edge
+        self.road: Final = Road(
+            tuple(self._lane(n, *strip) for n, strip in self._from_the_top(strips)),
+            row.time_step,
+            row.radar_range,
+            row.acceleration_limit,
+            row.braking_limit,
+            row.centre_tolerance,
+        )
+
+    def _from_the_top(
+        self, strips: list[tuple[float, float, Direction]]
+    ) -> list[tuple[int, tuple[float, float, Direction]]]:
+        numbered = list(enumerate(strips))
+        return numbered[::-1] if self.sign > 0 else numbered
+
+    def _lane(self, number: int, width: float, limit: float, direction: Direction) -> Lane:
+        return Lane(self.lane_id(number), direction, self.y(self._centres[number]), width, limit)
+
+    def lane_id(self, number: int) -> int:
+        """The road's id of a lane, given by its place from the right, from 0."""
+        return len(self._centres) - number if self.sign > 0 else number + 1
+
+    def y(self, from_the_right: float) -> float:
+        """The y of a place that many metres from the road's right edge, as the ego's driver has it."""
+        return self._edge - from_the_right if self.sign > 0 else from_the_right
+
+    def number(self, lane: LaneWord | int, ego_lane: int) -> int:
+        """The place from the right, from 0, of a lane that a row names; negative names are oncoming lanes.
+
+        Raises:
+            ValueError: the road has no such lane.
+        """
+        if isinstance(lane, str):
+            number = ego_lane + {"left": 1, "own": 0, "right": -1}[lane]
+            known = 0 <= number < self.count
+        else:
+            number = lane - 1 if lane > 0 else self.count - 1 - lane
+            known = 0 <= number < (self.count if lane > 0 else len(self._centres)) and lane != 0
+        if not known:
+            raise ValueError(f"the road has no lane {lane!r} here")
+        return number
+
+    def centre(self, number: int) -> float:
+        """How far from the road's right edge a lane's centre is [m]."""
+        return self._centres[number]
+
+
+def scene_of(road: RoadRow, ego: EgoRow, vehicles: Mapping[str, VehicleRow], direction: Direction) -> Scene:
+    """The scene that rows describe, with the ego driving in `direction`.
+
+    Raises:
+        ValueError: a lane that the road does not have.
+    """
+    layout = Layout(road, direction)
+    own = layout.number(ego.lane, 0)
+    box = _box(EGO, layout, own, ego, 0.0, ego.speed)
+    others = tuple(
+        _box(name, layout, layout.number(row.lane, own), row, _offset(row, ego), _speed(row, ego))
+        for name, row in vehicles.items()
+    )
+    return Scene(layout.road, box, others, layout.lane_id(layout.number(ego.target, own)))
+
+
+def _offset(row: VehicleRow, ego: EgoRow) -> float:
+    touching = (ego.length + row.length) / 2
+    if row.ahead is not None:
+        return touching + row.ahead
+    if row.behind is not None:
+        return -touching - row.behind
+    assert row.offset is not None, "VehicleRow has exactly one of the three"
+    return row.offset
+
+
+def _speed(row: VehicleRow, ego: EgoRow) -> float:
+    return ego.speed if row.speed is None else row.speed
+
+
+def _box(name: str, layout: Layout, number: int, row: BoxRow, offset: float, speed: float) -> Vehicle:
+    y = layout.y(layout.centre(number) + row.shift)
+    sign = layout.sign
+    along = sign if number < layout.count else -sign
+    return Vehicle(
+        name,
+        layout.road.lane_at(y),
+        EGO_X + sign * offset,
+        y,
+        along * speed,
+        -sign * row.drift,
+        row.length,
+        row.width,
+    )

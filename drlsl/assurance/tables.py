@@ -1,0 +1,196 @@
+"""Tables of scenes with expected answers, as a rule author writes them beside the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import Field
+
+from drlsl.assurance.checks import (
+    Case,
+    Check,
+    Equals,
+    Holds,
+    Nearest,
+    Observed,
+    Offered,
+    Opposed,
+    Question,
+    Solves,
+)
+from drlsl.assurance.rows import EgoRow, RoadRow, Row, VehicleRow, scene_of
+from drlsl.assurance.yaml_file import YamlFile, read_yaml
+from drlsl.driving.actions import Action
+from drlsl.driving.scene import EGO
+from drlsl.errors import UserError
+from drlsl.traffic.road import Direction
+
+ActionWord = Literal["keep", "left", "right"]
+Section = Literal["front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left"]
+Observable = Literal[Section, "lane", "speed"]
+Bindings: TypeAlias = dict[str, Any]
+
+SUFFIX: Final = ".test.yaml"
+TOLERANCE: Final = 0.001
+
+_ACTIONS: Final = {
+    "keep": Action.LANE_KEEPING.atom,
+    "left": Action.LEFT_LANE_CHANGE.atom,
+    "right": Action.RIGHT_LANE_CHANGE.atom,
+}
+_BASE: Final = ("road", "ego", "vehicles", "tolerance", "directions")
+
+
+class CaseRow(Row):
+    """One scene with its answers: the keys of the file, of the scene and of the row, laid over each other."""
+
+    scene: str
+    row: str | None = None
+    directions: Literal["both", "left_to_right", "right_to_left"] = "both"
+    tolerance: Annotated[float, Field(ge=0)] = TOLERANCE
+    road: RoadRow = RoadRow()
+    ego: EgoRow = EgoRow()
+    vehicles: dict[str, VehicleRow | None] = Field({})
+    actions: list[ActionWord] | None = None
+    target_speed: float | None = None
+    front_is_free: bool | None = None
+    entry_is_safe: bool | None = None
+    lane_to_keep: Literal["left", "own", "right"] | int | None = None
+    observation: dict[Observable, float] | None = None
+    sections: dict[Section, str | None] | None = None
+    objections: dict[Literal["left", "right"], list[str]] | None = None
+    goals: dict[str, bool | Bindings | list[Bindings]] | None = None
+    fails: str | None = None
+
+
+def tables_of(rules: Sequence[Path]) -> list[Path]:
+    """The tables beside rule files: `highway.test.yaml` and `highway.*.test.yaml` for highway.pl."""
+    return [
+        table
+        for rule in rules
+        for table in sorted(rule.parent.glob(f"{rule.stem}*{SUFFIX}"))
+        if table.name[len(rule.stem)] == "."
+    ]
+
+
+def load_table(path: Path) -> list[Case]:
+    """The cases of a table.
+
+    Raises:
+        UserError: the file cannot be read or does not describe scenes; the message names file, line and key.
+    """
+    file = read_yaml(path)
+    unknown = [key for key in file.values if key not in (*_BASE, "scenes")]
+    if unknown:
+        raise file.error(
+            unknown[:1], f"{unknown[0]} is no key of a table; expected scenes, {', '.join(_BASE)}"
+        )
+    scenes = file.values.get("scenes")
+    if not isinstance(scenes, list) or not scenes:
+        raise file.error(["scenes"], "scenes: expected a list of scenes")
+    base = {key: value for key, value in file.values.items() if key in _BASE}
+    return [case for index, scene in enumerate(scenes) for case in _scene_cases(file, base, index, scene)]
+
+
+def _scene_cases(file: YamlFile, base: Mapping[str, Any], index: int, scene: object) -> Iterator[Case]:
+    place: list[int | str] = ["scenes", index]
+    if not isinstance(scene, dict):
+        raise file.error(place, "expected a scene: keys such as scene, ego, vehicles, actions")
+    rows = scene.get("rows")
+    below = laid_over(base, {key: value for key, value in scene.items() if key != "rows"})
+    if rows is None:
+        yield from _cases(file, file.checked(CaseRow, below, [], place), place)
+        return
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise file.error([*place, "rows"], "rows: expected a list of overrides of this scene")
+    for number, row in enumerate(rows):
+        own = [*place, "rows", number]
+        yield from _cases(file, file.checked(CaseRow, laid_over(below, row), [], place, own), own)
+
+
+def laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested values of `base` with those of `over` on top; a vehicle's place along the road is one value."""
+    result = dict(base)
+    for key, value in over.items():
+        below = result.get(key)
+        if not isinstance(below, dict) or not isinstance(value, dict) or key == "goals":
+            result[key] = {**below, **value} if key == "goals" and isinstance(below, dict) else value
+            continue
+        if value.keys() & _PLACES:
+            below = {name: item for name, item in below.items() if name not in _PLACES}
+        result[key] = laid_over(below, value)
+    return result
+
+
+_PLACES: Final = {"ahead", "behind", "offset"}
+
+
+def _cases(file: YamlFile, row: CaseRow, place: Sequence[int | str]) -> Iterator[Case]:
+    """The case of a row in each direction of travel."""
+    where = f"{file.path}:{file.line(place)}"
+    if EGO in row.vehicles:
+        raise file.error([*place, "vehicles", EGO], f"vehicles: {EGO!r} is the ego's own name")
+    vehicles = {name: vehicle for name, vehicle in row.vehicles.items() if vehicle is not None}
+    asked = row.model_fields_set - {"scene", "row", *_BASE}
+    if not asked:
+        raise file.error(place, f"{row.scene}: expects nothing; give actions, target_speed, goals …")
+    for direction in Direction:
+        if row.directions not in ("both", direction.value):
+            continue
+        try:
+            scene = scene_of(row.road, row.ego, vehicles, direction)
+            checks = tuple(_checks(row, direction))
+        except ValueError as error:
+            raise UserError(f"{where}: {row.scene}: {error}") from error
+        name = " / ".join(filter(None, (row.scene, row.row)))
+        yield Case(where, f"{name} ({direction.value})", scene, checks, row.fails)
+
+
+def _checks(row: CaseRow, direction: Direction) -> Iterator[Check]:
+    if row.actions is not None:
+        wanted = tuple(_ACTIONS[word] for word in row.actions)
+        yield Offered("actions", Question("safe_actions(Action)", "all"), wanted)
+    if row.target_speed is not None:
+        question = Question("longitudinal_velocity(Speed)", "first")
+        yield Equals("target_speed", question, row.target_speed, row.tolerance)
+    for name, holds in (("front_is_free", row.front_is_free), ("entry_is_safe", row.entry_is_safe)):
+        if holds is not None:
+            yield Holds(name, Question(name, "holds"), holds)
+    if row.lane_to_keep is not None:
+        layout = _layout(row, direction)
+        lane = layout.lane_id(layout.number(row.lane_to_keep, layout.number(row.ego.lane, 0)))
+        yield Equals("lane_to_keep", Question("lane_to_keep(Lane)", "first"), lane, 0.0)
+    if row.observation:
+        question = Question("state(Observation)", "first")
+        yield Observed("observation", question, tuple(row.observation.items()), row.tolerance)
+    if row.sections:
+        yield from _section_checks(row.sections)
+    for side, reasons in (row.objections or {}).items():
+        question = Question(f"objection({_ACTIONS[side]}, Reason)", "all")
+        yield Opposed(f"objections {side}", question, tuple(reasons))
+    for goal, expected in (row.goals or {}).items():
+        yield _goal_check(goal, expected, row.tolerance)
+
+
+def _section_checks(sections: Mapping[Section, str | None]) -> Iterator[Check]:
+    question = Question("busy_section(Section, Car, Gap)", "all")
+    yield Nearest("sections", question, tuple(sections.items()))
+    for section, car in sections.items():
+        for word, holds in (("busy", car is not None), ("free", car is None)):
+            goal = f"{section}_is_{word}"
+            yield Holds(goal, Question(goal, "holds"), holds)
+
+
+def _goal_check(goal: str, expected: bool | Bindings | list[Bindings], tolerance: float) -> Check:
+    if isinstance(expected, bool):
+        return Holds(goal, Question(goal, "holds"), expected)
+    rows = [expected] if isinstance(expected, dict) else expected
+    return Solves(goal, Question(goal, "all"), tuple(rows), tolerance)
+
+
+def _layout(row: CaseRow, direction: Direction) -> Any:
+    from drlsl.assurance.rows import Layout
+
+    return Layout(row.road, direction)

@@ -1,0 +1,146 @@
+"""`drlsl rules test`: tables of scenes, what of the rules they cover, and which mutants they notice."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from drlsl.assurance.coverage import Coverage
+    from drlsl.assurance.mutation import Score, Verdict
+    from drlsl.assurance.running import Outcome
+
+
+def run_tables(
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
+    ] = None,
+    tables: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--tables",
+            metavar="FILE",
+            help="A table, instead of NAME.test.yaml and NAME.*.test.yaml beside NAME.pl; repeatable.",
+        ),
+    ] = None,
+    coverage: Annotated[
+        bool, typer.Option("--coverage", help="Say which clauses and branches the tables do not reach.")
+    ] = False,
+    mutate: Annotated[
+        bool, typer.Option("--mutate", help="Put slips into the rules and say which go unnoticed.")
+    ] = False,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes that --mutate uses.")] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Run tables of scenes with expected answers on every tier.
+
+    The status is 1 where an answer is wrong, a clause is not reached (--coverage), or a mutant survives
+    without a reason in NAME.mutants.yaml (--mutate).
+    """
+    from drlsl.assurance.coverage import measure
+    from drlsl.assurance.mutation import score
+    from drlsl.assurance.reasons import reasons_of
+    from drlsl.assurance.running import run_cases
+    from drlsl.assurance.tables import load_table, tables_of
+    from drlsl.driving.shield import Shield, default_rules
+    from drlsl.errors import UserError
+
+    rules = files or list(default_rules())
+    shield = Shield.from_files(rules)
+    chosen = tables or tables_of(rules)
+    if not chosen:
+        wanted = " or ".join(f"{rule.with_suffix('')}.test.yaml" for rule in rules)
+        raise UserError(f"no table of scenes: expected {_near(wanted)}, or name one with --tables")
+    cases = [case for table in chosen for case in load_table(table)]
+    outcome = run_cases(shield, cases)
+    reached = measure(Shield.from_files(rules), cases)[0] if coverage else None
+    mutants = None
+    if mutate and not outcome.failures:
+        mutants = score(rules, cases, reasons_of(rules), jobs=jobs)
+    if as_json:
+        print(json.dumps(_as_json(outcome, reached, mutants), indent=2))
+    else:
+        print("\n".join(_report(outcome, reached, mutants, skipped=mutate and mutants is None)))
+    if outcome.failures or (reached and _missed_clauses(reached)) or (mutants and mutants.unexplained):
+        raise typer.Exit(1)
+
+
+def _missed_clauses(reached: Coverage) -> bool:
+    return any(point.is_clause for point in reached.missed)
+
+
+def _report(
+    outcome: Outcome, reached: Coverage | None, mutants: Score | None, *, skipped: bool
+) -> Iterator[str]:
+    for failure in outcome.failures:
+        yield f"{_near(failure.place)}: {failure.case}"
+        yield f"  {failure.what}: {failure.problem}  [{', '.join(failure.tiers)}]"
+    asked = ", ".join(f"{tier} {count:,}" for tier, count in outcome.answers.items())
+    yield f"{outcome.cases:,} scenes, {len(outcome.failures)} wrong; answers checked: {asked}"
+    yield from outcome.notes
+    if reached is not None:
+        yield from _coverage_report(reached)
+    if mutants is not None:
+        yield from _mutation_report(mutants)
+    if skipped:
+        yield "no mutants: the program has to pass its tables first"
+
+
+def _coverage_report(reached: Coverage) -> Iterator[str]:
+    for word, clauses in (("clauses", True), ("branches", False)):
+        hit, total = reached.share(clauses=clauses)
+        yield f"{word:<9} {hit} of {total} reached{f', {hit / total:.1%}' if total else ''}"
+    yield from (f"  {_near(point)}" for point in reached.missed)
+
+
+def _mutation_report(mutants: Score) -> Iterator[str]:
+    explained = len(mutants.survivors) - len(mutants.unexplained)
+    yield (
+        f"mutants   {mutants.killed:,} of {len(mutants.verdicts):,} noticed, {mutants.share:.1%}; "
+        f"survivors: {explained} with a reason, {len(mutants.unexplained)} without"
+    )
+    for verdict in mutants.unexplained:
+        yield f"{_near(verdict.place)}: survives: {verdict.name}"
+    by_reason: dict[str, list[Verdict]] = {}
+    for verdict in mutants.survivors:
+        if verdict.name in mutants.reasons:
+            by_reason.setdefault(mutants.reasons[verdict.name], []).append(verdict)
+    for reason, verdicts in by_reason.items():
+        yield reason
+        yield from (f"  {_near(verdict.place)}: {verdict.name}" for verdict in verdicts)
+
+
+def _as_json(outcome: Outcome, reached: Coverage | None, mutants: Score | None) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "scenes": outcome.cases,
+        "answers": outcome.answers,
+        "failures": [asdict(failure) for failure in outcome.failures],
+        "notes": outcome.notes,
+    }
+    if reached is not None:
+        result["coverage"] = {
+            "clauses": dict(zip(("reached", "total"), reached.share(clauses=True), strict=True)),
+            "branches": dict(zip(("reached", "total"), reached.share(clauses=False), strict=True)),
+            "missed": [asdict(point) for point in reached.missed],
+        }
+    if mutants is not None:
+        result["mutation"] = {
+            "mutants": len(mutants.verdicts),
+            "noticed": mutants.killed,
+            "score": mutants.share,
+            "survivors": [
+                {**asdict(verdict), "reason": mutants.reasons.get(verdict.name)}
+                for verdict in mutants.survivors
+            ],
+        }
+    return result
+
+
+def _near(place: object) -> str:
+    """A place with its path seen from the working folder, where it lies below it."""
+    return str(place).replace(f"{Path.cwd()}/", "")
