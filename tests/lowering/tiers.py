@@ -17,6 +17,7 @@ from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.logic.lowering.schema import Relation, Schema
 from drlsl.logic.lowering.torch_backend import compile_torch
+from tests.lowering.plain import compile_plain
 
 torch.set_num_threads(1)  # tests run beside each other
 
@@ -25,6 +26,7 @@ Program: TypeAlias = BatchProgram[Any]
 ARRAY_TIERS: Final[Mapping[str, Callable[[Lowered], Program]]] = {
     "numpy": compile_numpy,
     "torch": compile_torch,
+    "loops": compile_plain,
 }
 """The back ends for many scenes, all of which give the interpreter's bits."""
 
