@@ -61,7 +61,10 @@ class NumbaProgram(BatchProgram[Array]):
         super().__init__(lowered, printer.codes, columns)
         self._function = function
         self._given = {(relation.name, relation.arity): given for relation, given in printer.given.items()}
-        self._outputs = printer.outputs
+        self._outputs = [
+            (value.width if value.axes == 2 else None, _DTYPES[value.kind], bool(fails))
+            for value, *fails in printer.outputs
+        ]
         self._order = [
             (key, tuple(given.columns), _ALL_THERE[given.valid.axes]) for key, given in self._given.items()
         ]
@@ -74,17 +77,22 @@ class NumbaProgram(BatchProgram[Array]):
         Raises:
             ValueError: a relation or a column is missing, or the shapes or kinds do not fit.
         """
-        scenes = _scenes(facts)
-        result, outputs = self._blank(scenes)
         try:
-            if self._function(*self._flat(facts), *outputs):
+            arguments, scenes = self._flat(facts)
+            result, outputs = self._blank(scenes)
+            if self._function(*arguments, *outputs):
                 return result
-        except (TypeError, KeyError):  # facts that the machine code cannot take as they are
+        except (
+            AttributeError,
+            IndexError,
+            KeyError,
+            TypeError,
+        ):  # nothing that machine code can take as it is
             pass
         ready = {key: self._ready(given, facts.get(key)) for key, given in self._given.items()}
         scenes = _common_scenes({**facts, **ready})
         result, outputs = self._blank(scenes)
-        if not self._function(*self._flat(ready), *outputs):
+        if not self._function(*self._flat(ready)[0], *outputs):
             raise AssertionError("facts that were made ready do not fit")
         return result
 
@@ -104,7 +112,7 @@ class NumbaProgram(BatchProgram[Array]):
         """
         ready = {key: self._ready(given, facts.get(key)) for key, given in self._given.items()}
         scenes = _common_scenes({**facts, **ready})
-        arguments = self._flat({key: facts[key] for key in ready})
+        arguments, _ = self._flat(facts)
         parameters = [parameter for given in self._given.values() for parameter in given.parameters]
         for parameter, array in zip(parameters, arguments, strict=True):
             if array is None or array.dtype != _DTYPES[parameter.kind] or not array.flags.c_contiguous:
@@ -116,8 +124,10 @@ class NumbaProgram(BatchProgram[Array]):
         bound()
         return bound
 
-    def _flat(self, facts: Facts) -> list[Any]:
+    def _flat(self, facts: Facts) -> tuple[list[Any], int]:
+        """The arrays as the function takes them, and for how many scenes they seem to be."""
         arguments: list[Any] = []
+        scenes = 1
         for key, used, all_there in self._order:
             rows = facts[key]
             columns, valid, index = rows.columns, rows.valid, rows.index
@@ -125,19 +135,27 @@ class NumbaProgram(BatchProgram[Array]):
                 arguments.append(columns[place])
             arguments.append(all_there if valid is None else valid)
             arguments.append(_OWN_TABLES if index is None else index)
-        return arguments
+            if scenes == 1:
+                first: Any = index if index is not None else columns[used[0]] if used else valid
+                scenes = len(first)
+        if scenes == 1 and len(facts) > len(self._order):
+            scenes = _common_scenes(facts)
+        return arguments, scenes
 
     def _blank(self, scenes: int) -> tuple[ArrayResult, list[Array]]:
         """A result to be filled, and its arrays in the order of the function's parameters."""
         undecided = np.empty(scenes, dtype=np.bool_)
         arrays = [undecided]
         answers = []
-        for value, *fails in self._outputs:
-            filled = np.empty(scenes if value.axes == 1 else (scenes, value.width), _DTYPES[value.kind])
-            arrays.append(filled)
-            if fails:
-                arrays.append(np.empty(scenes, np.bool_))
-            answers.append(BatchAnswer(filled, arrays[-1] if fails else np.zeros(scenes, np.bool_)))
+        for width, dtype, can_fail in self._outputs:
+            value = np.empty(scenes if width is None else (scenes, width), dtype)
+            arrays.append(value)
+            if can_fail:
+                fails = np.empty(scenes, np.bool_)
+                arrays.append(fails)
+            else:
+                fails = np.zeros(scenes, np.bool_)
+            answers.append(BatchAnswer(value, fails))
         return BatchResult(tuple(answers), undecided), arrays
 
     def _ready(self, given: Given, rows: Rows | None) -> Rows:
@@ -171,19 +189,6 @@ class BoundProgram:
         if not self._function(*self._arguments):
             raise ValueError("shapes do not fit, or an index is beyond the tables")
         return self._result
-
-
-def _scenes(facts: Facts) -> int:
-    """How many scenes there are, if the arrays of a relation are all for as many."""
-    for rows in facts.values():
-        if rows.index is not None:
-            return len(rows.index)
-        array = rows.valid
-        if array is None:
-            array = next((column for column in rows.columns if column is not None), None)
-        if array is not None and array.shape[0] != 1:
-            return int(array.shape[0])
-    return 1
 
 
 def _common_scenes(facts: Facts) -> int:
