@@ -67,7 +67,7 @@ class EnvConfig(BaseModel):
     rules: tuple[str, ...] = Field(
         (), description="Rule files to consult, in order; none: the default program, highway.pl."
     )
-    tier: Literal["auto", "interpreter", "scalar", "numpy"] = Field(
+    tier: Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"] = Field(
         "auto", description="What runs the rules; auto: the fastest that can run this program."
     )
     track_length: float = Field(TRACK_LENGTH, gt=0, description="Metres to drive in an episode.")

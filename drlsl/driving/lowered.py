@@ -14,7 +14,8 @@ from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
 from drlsl.driving.scene import EGO, Facts, Road, Row, Scene, Vehicle, road_facts, scene_facts
 from drlsl.driving.shield import OBSERVATION_SIZE, Decision, Shield
 from drlsl.logic.lowering.batch_program import BatchAnswer, BatchProgram, Rows
-from drlsl.logic.lowering.errors import Undecided
+from drlsl.logic.lowering.errors import NotLowerable, Undecided
+from drlsl.logic.lowering.forms import array_forms
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.logic.lowering.schema import Relation, Schema
@@ -55,6 +56,8 @@ STATE: Final = Query("state", 1, "first")
 FREE: Final = Query("front_is_free", 0, "holds")
 ENTRY: Final = Query("entry_is_safe", 0, "holds")
 LANE: Final = Query("lane_to_keep", 1, "first")
+
+_NUMBERS: Final = frozenset({"int", "float", "number"})
 
 FIRST_OTHER: Final = 1 << 20
 """The integer that stands for vehicle 0 in arrays; atoms of the program have smaller ones."""
@@ -122,7 +125,9 @@ class ArrayAsker:
         """
         actions = Query("safe_actions", 1, "set")
         queries = [actions, SPEED, STATE, FREE, *([LANE] if shield.gives_lane else [])]
-        answers = compile_program(lower(shield.engine, SCHEMA, queries))
+        lowered = lower(shield.engine, SCHEMA, queries)
+        _check_forms(lowered)
+        answers = compile_program(lowered)
         self._actions = [action_of_atom(atom) for atom in answers.choices[actions]]
         self._answers = _Program(answers)
         self._entry = _Program(compile_program(lower(shield.engine, SCHEMA, [ENTRY])))
@@ -135,10 +140,10 @@ class ArrayAsker:
             mask[:, action] |= actions.value[:, column]
         decisions = Decisions(
             action_mask=mask,
-            target_speed=speed.value,
-            observation=state.value,
+            target_speed=np.asarray(speed.value, dtype=np.float64),
+            observation=np.asarray(state.value, dtype=np.float64),
             front_is_free=free.value,
-            lane_to_keep=lane[0].value if lane else scenes.target_lane,
+            lane_to_keep=np.asarray(lane[0].value, dtype=np.int64) if lane else scenes.target_lane.copy(),
             failures={},
         )
         unusable = undecided | speed.fails | state.fails | _unusable(decisions)
@@ -148,6 +153,22 @@ class ArrayAsker:
         """Whether each entry is safe, and which of these answers mean nothing; both of shape (N,)."""
         (entry,), undecided = self._entry(scenes)
         return entry.value, undecided
+
+
+def _check_forms(lowered: Lowered) -> None:
+    """Have the answers be numbers, as many as a decision has.
+
+    Raises:
+        NotLowerable: they are not, in no scene; the interpreter tells what they are.
+    """
+    for form in array_forms(lowered)[1:]:
+        kinds = [node.kind for node in form.values]
+        if form.query == SPEED and not (form.plain and kinds[0] in _NUMBERS):
+            raise NotLowerable(str(form.query), None, "its answer is no speed in m/s")
+        if form.query == STATE and (len(kinds) != OBSERVATION_SIZE or not _NUMBERS.issuperset(kinds)):
+            raise NotLowerable(str(form.query), None, f"its answer is no list of {OBSERVATION_SIZE} numbers")
+        if form.query == LANE and not (form.plain and kinds[0] == "int"):
+            raise NotLowerable(str(form.query), None, "its answer is no lane")
 
 
 class _Program:
@@ -213,8 +234,6 @@ def _numpy(values: Any) -> npt.NDArray[Any]:
 
 def _unusable(decisions: Decisions) -> Mask:
     """Decisions that a `Decision` could not hold, shape (N,)."""
-    if decisions.observation.shape[1] != OBSERVATION_SIZE:
-        return np.ones(len(decisions.target_speed), dtype=np.bool_)
     usable = (
         decisions.action_mask.any(axis=1)
         & np.isfinite(decisions.target_speed)

@@ -152,7 +152,7 @@ class Shield:
 
     @property
     def tier(self) -> str:
-        """What runs the rules for a batch: interpreter, scalar or numpy."""
+        """What runs the rules for a batch: interpreter, scalar, numpy, numba or torch."""
         return self._array_tier().name
 
     def _array_tier(self) -> ArrayTier:

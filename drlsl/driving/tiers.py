@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Final, Protocol
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 
@@ -11,12 +14,15 @@ from drlsl.driving.batch import FAIL_SAFE_MASK, Decisions, SceneBatch, fail_safe
 from drlsl.driving.lowered import ArrayAsker, ScalarAsker
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import OBSERVATION_SIZE, Decision, RuleFailure
+from drlsl.errors import UserError
+from drlsl.logic.lowering.batch_program import BatchProgram
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.lower import Lowered
+from drlsl.logic.lowering.numpy_backend import compile_numpy
+from drlsl.traffic.cache import cache_folder
 
 if TYPE_CHECKING:
     from drlsl.driving.shield import Shield
-from drlsl.errors import UserError
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.numpy_backend import compile_numpy
 
 _log: Final = logging.getLogger(__name__)
 
@@ -29,7 +35,7 @@ class ArrayTier(Protocol):
 
     @property
     def name(self) -> str:
-        """interpreter, scalar or numpy."""
+        """interpreter, scalar, numpy, numba or torch."""
 
     def decide(self, scenes: SceneBatch) -> Decisions:
         """What is safe in each scene, or its fail-safe."""
@@ -111,56 +117,87 @@ def _fail_safely(decisions: Decisions, index: int, scene: Scene, reason: str) ->
     decisions.failures[index] = reason
 
 
-class NumpyTier:
+class BatchTier:
     """A batch answered at once by array programs; a few scenes, and undecided ones, one at a time."""
 
-    name = "numpy"
-
-    def __init__(self, shield: Shield, few: int = FEW) -> None:
+    def __init__(self, shield: Shield, name: str, few: int = 0) -> None:
         """Lower the shield's program; batches of less than `few` scenes are answered one scene at a time.
 
         Raises:
             NotLowerable: a rule that only the interpreter can run.
-            UserError: the rules can offer an action that the agent does not know.
+            UserError: the rules can offer an action that the agent does not know, or the tier's library is
+                missing.
         """
-        self._arrays = ArrayAsker(shield, compile_numpy)
-        self._one_by_one = SceneBySceneTier("scalar", ScalarAsker(shield))
+        self.name = name
+        self._arrays = ArrayAsker(shield, _compiler(name))
+        self._one_by_one = SceneBySceneTier("scalar", ScalarAsker(shield)) if few else None
         self._interpreter = SceneBySceneTier("interpreter", shield)
         self._few = few
 
     def decide(self, scenes: SceneBatch) -> Decisions:
         """What is safe in each scene, or its fail-safe."""
-        if len(scenes) < self._few:
+        if self._one_by_one is not None and len(scenes) < self._few:
             return self._one_by_one.decide(scenes)
         decisions, unusable = self._arrays.decide(scenes)
-        for index in np.flatnonzero(unusable).tolist():
+        for index in unusable.nonzero()[0].tolist():
             self._interpreter.decide_into(decisions, scenes, index)
         return decisions
 
     def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
         """Whether the ego may be placed where each scene has it."""
-        if len(scenes) < self._few:
+        if self._one_by_one is not None and len(scenes) < self._few:
             return self._one_by_one.entries_are_safe(scenes)
         safe, undecided = self._arrays.entries_are_safe(scenes)
-        for index in np.flatnonzero(undecided).tolist():
-            safe[index] = self._interpreter.entry_is_safe(scenes.scene(index))
-        return list(map(bool, safe))
+        answers: list[bool] = safe.tolist()
+        for index in undecided.nonzero()[0].tolist():
+            answers[index] = self._interpreter.entry_is_safe(scenes.scene(index))
+        return answers
+
+
+def _compiler(name: str) -> Callable[[Lowered], BatchProgram[Any]]:
+    """What makes the array programs of a tier; its library is loaded here.
+
+    Raises:
+        UserError: the library is not installed.
+    """
+    if name == "numpy":
+        return compile_numpy
+    if name == "torch":
+        from drlsl.logic.lowering.torch_backend import compile_torch
+
+        return compile_torch
+    if find_spec("numba") is None:
+        raise UserError("the numba tier needs numba, which is not installed: pip install 'drlsl[fast]'")
+    from drlsl.logic.lowering.numba_backend import compile_numba
+
+    return partial(compile_numba, folder=cache_folder() / "rules")
 
 
 def choose_tier(shield: Shield, requested: str) -> ArrayTier:
     """The tier that `requested` names; `auto` is the fastest that can run the shield's program.
 
     Raises:
-        UserError: the tier cannot run the program, or the program offers an unknown action.
+        UserError: the tier cannot run the program or its library is missing, or the program offers an unknown
+            action.
     """
     if requested == "interpreter":
         return SceneBySceneTier("interpreter", shield)
     try:
         if requested == "scalar":
             return SceneBySceneTier("scalar", ScalarAsker(shield))
-        return NumpyTier(shield, FEW if requested == "auto" else 0)
+        return _fastest(shield) if requested == "auto" else BatchTier(shield, requested)
     except NotLowerable as problem:
         if requested != "auto":
             raise UserError(f"the {requested} tier cannot run these rules: {problem}") from problem
         _log.warning("the rules run on the interpreter, which is slow: %s", problem)
         return SceneBySceneTier("interpreter", shield)
+
+
+def _fastest(shield: Shield) -> ArrayTier:
+    """Machine code where Numba is installed, else arrays; both need a program that can be lowered."""
+    if find_spec("numba") is not None:
+        try:
+            return BatchTier(shield, "numba")
+        except ImportError as problem:
+            _log.warning("the rules run on the numpy tier, since numba does not load: %s", problem)
+    return BatchTier(shield, "numpy", FEW)
