@@ -117,6 +117,8 @@ class TextProgram(BatchProgram[A]):
     """A program whose function is the text of `ArrayPrinter`."""
 
     def __init__(self, lowered: Lowered, precision: Precision) -> None:
+        if precision not in ("float64", "float32"):
+            raise ValueError(f"{precision}: expected float64 or float32")
         printer = ArrayPrinter(lowered)
         namespace: dict[str, Any] = {}
         exec(compile(printer.module(), "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)

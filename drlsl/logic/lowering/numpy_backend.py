@@ -90,8 +90,9 @@ class Table(BatchTable):
         kinds: Mapping[Kind, np.dtype[Any]],
     ) -> None:
         self._kinds = kinds
-        super().__init__(relation, used, rows, bound)
-        self.look()
+        with np.errstate(all="ignore"):  # what does not fit is found out by looking
+            super().__init__(relation, used, rows, bound)
+            self.look()
 
     def _is_of(self, column: Array, kind: Kind) -> bool:
         return is_of(column.dtype, kind)
