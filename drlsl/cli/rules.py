@@ -15,7 +15,7 @@ from drlsl.cli import rules_test
 if TYPE_CHECKING:
     from drlsl.logic import Engine
     from drlsl.logic.lowering.check import PredicateReport, Report
-    from drlsl.logic.lowering.lower import Query
+    from drlsl.logic.lowering.lower import Lowered, Query
 
 app = typer.Typer(help="Check and test rule programs, and show the code they become.", no_args_is_help=True)
 app.command("test")(rules_test.run_tables)
@@ -30,6 +30,7 @@ class Tier(StrEnum):
 
     SCALAR = "scalar"
     NUMPY = "numpy"
+    NUMBA = "numba"
 
 
 @app.command()
@@ -106,17 +107,23 @@ def show(
     queries = [_query(goal) for goal in goals or ()]
     queries = queries or [query for query in asked if engine.defines(query.name, query.arity)]
     try:
-        lowered = lower(engine, SCHEMA, queries)
-        if tier is Tier.SCALAR:
-            from drlsl.logic.lowering.scalar import scalar_source
-
-            print(scalar_source(lowered))
-        else:
-            from drlsl.logic.lowering.arrays import ArrayPrinter
-
-            print(ArrayPrinter(lowered).module())
+        print(_source(tier, lower(engine, SCHEMA, queries)))
     except NotLowerable as reason:
         raise UserError(f"{reason}; the interpreter runs it, see drlsl rules check") from reason
+
+
+def _source(tier: Tier, lowered: Lowered) -> str:
+    if tier is Tier.SCALAR:
+        from drlsl.logic.lowering.scalar import scalar_source
+
+        return scalar_source(lowered)
+    if tier is Tier.NUMBA:
+        from drlsl.logic.lowering.numba_backend import numba_source
+
+        return numba_source(lowered)
+    from drlsl.logic.lowering.numpy_backend import numpy_source
+
+    return numpy_source(lowered)
 
 
 @app.command()

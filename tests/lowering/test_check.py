@@ -93,7 +93,7 @@ def test_check_says_what_is_wrong_and_exits_with_1(
     assert f"noise/1  {rules}:2: it calls write/1" in out
 
 
-@pytest.mark.parametrize("tier", ["scalar", "numpy"])
+@pytest.mark.parametrize("tier", ["scalar", "numpy", "numba"])
 def test_show_prints_code_that_compiles(tier: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["rules", "show", "--tier", tier]) == 0
     source = capsys.readouterr().out
