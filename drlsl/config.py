@@ -130,6 +130,13 @@ class TrainConfig(_Section):
         lt=2**63,
         description="Seed of all that is random: weights, exploration, minibatches, episodes.",
     )
+    num_envs: int = Field(
+        default=1,
+        ge=1,
+        le=1_024,
+        description="Environments driven in step; each of their steps is followed by one update. "
+        "One is the paper's loop, several are faster.",
+    )
     device: Device = Field(
         default="auto", description="Where the network lives; auto: CUDA if PyTorch finds it."
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from drlsl.config import TrainConfig
     from drlsl.learning.session import Session
-    from drlsl.learning.trainer import EpisodeEvent
+    from drlsl.learning.trainer import StepEvent
 
 RUNS = Path("runs")
 """Where a run without --out is put."""
@@ -60,6 +60,9 @@ def train(
     ] = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes of training.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all that is random.")] = None,
+    num_envs: Annotated[
+        int | None, typer.Option(help="Environments driven in step; several are faster.")
+    ] = None,
     device: Annotated[
         Literal["auto", "cpu", "cuda"] | None, typer.Option(help="Where the network lives.")
     ] = None,
@@ -83,7 +86,7 @@ def train(
     """Train an agent in recorded traffic.
 
     Settings come from the preset, then --config, then --set, then the other flags; the later wins. Ctrl-C
-    ends the run with the episode in hand and a checkpoint; --resume goes on as if it had never stopped.
+    ends the run with a checkpoint; --resume goes on as if it had never stopped.
     """
     flags = {
         "env.recording": recording,
@@ -94,6 +97,7 @@ def train(
         "learning.bootstrap": bootstrap,
         "episodes": episodes,
         "seed": seed,
+        "num_envs": num_envs,
         "device": device,
         "threads": threads,
         "checkpoint_every": checkpoint_every,
@@ -173,15 +177,13 @@ def _train(session: Session) -> None:
 
     console = Console()
     root, config = session.folder.root, session.folder.config
-    verb = "go on with" if session.trainer.episode else "start"
+    verb = "go on with" if session.trainer.total_steps else "start"
     typer.echo(f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}")
     shown = shlex.quote(str(root))
     with _stop_on_signal(console) as stop:
         finished = _run(session, console, stop)
     if not finished:
-        typer.echo(
-            f"stopped after episode {session.saved_episode}; go on with: drlsl train --out {shown} --resume"
-        )
+        typer.echo(f"saved at step {session.saved_steps}; go on with: drlsl train --out {shown} --resume")
         raise typer.Exit(128 + (stop.signal or signal.SIGINT))
     figures = session.draw_figures()
     typer.echo(f"{len(figures)} figures in {session.folder.figures}")
@@ -193,22 +195,18 @@ def _train(session: Session) -> None:
 
 def _run(session: Session, console: Console, stop: _Stop) -> bool:
     """Train on and show it; whether the last episode was reached."""
-    from drlsl.learning.trainer import EpisodeEvent, StepEvent
-
     display = _LiveDisplay(session, console) if console.is_terminal else _PlainDisplay(session)
     with display:
         try:
             for event in session.run(stop.requested):
-                if isinstance(event, EpisodeEvent):
-                    display.episode(event)
-                elif isinstance(event, StepEvent):
-                    display.step()
+                display.step(event)
         except KeyboardInterrupt:
             return False
-    return session.trainer.episode == session.folder.config.episodes
+    return session.trainer.finished == session.folder.config.episodes
 
 
 def _evaluate_briefly(session: Session, console: Console) -> None:
+    from drlsl import driving
     from drlsl.cli.evaluate import evaluate_run, evaluation_table
 
     config = session.folder.config
@@ -216,7 +214,7 @@ def _evaluate_briefly(session: Session, console: Console) -> None:
     if count:
         records = evaluate_run(
             session.folder,
-            session.env,
+            driving.make_env(config.env),
             shields=("on", "off"),
             episodes=count,
             seed=config.seed,
@@ -237,14 +235,14 @@ class _Stop:
 
 @contextlib.contextmanager
 def _stop_on_signal(console: Console) -> Iterator[_Stop]:
-    """Note the first SIGINT or SIGTERM, so that the episode is finished; a second one stops at once."""
+    """Note the first SIGINT or SIGTERM, so that the run is saved; a second one stops at once."""
     stop = _Stop()
 
     def handle(number: int, frame: FrameType | None) -> None:
         if stop.requested():
             raise KeyboardInterrupt
         stop.signal = number
-        console.print("finishing the episode and saving; once more stops at once")
+        console.print("saving; once more stops at once")
 
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -255,23 +253,25 @@ def _stop_on_signal(console: Console) -> Iterator[_Stop]:
 
 
 class _Totals:
-    """Running figures of the episodes that this process has seen."""
+    """Running figures of the steps and episodes that this process has seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, session: Session) -> None:
         self._returns: deque[float] = deque(maxlen=SMOOTHED)
         self._at_fault = self._not_at_fault = self._off_road = 0
         self._started = perf_counter()
-        self.steps = 0
+        self._steps = self._steps_before = session.trainer.total_steps
 
-    def add(self, event: EpisodeEvent) -> None:
-        summary = event.summary
-        self._returns.append(summary.total_return)
-        self._at_fault += summary.contact and summary.at_fault
-        self._not_at_fault += summary.contact and not summary.at_fault
-        self._off_road += summary.off_road
+    def add(self, event: StepEvent) -> None:
+        self._steps = event.total_steps
+        for episode in event.ended:
+            summary = episode.summary
+            self._returns.append(summary.total_return)
+            self._at_fault += summary.contact and summary.at_fault
+            self._not_at_fault += summary.contact and not summary.at_fault
+            self._off_road += summary.off_road
 
     def text(self) -> str:
-        rate = self.steps / max(perf_counter() - self._started, 1e-9)
+        rate = (self._steps - self._steps_before) / max(perf_counter() - self._started, 1e-9)
         mean = sum(self._returns) / len(self._returns)
         contacts = f"{self._at_fault} at fault, {self._not_at_fault} not"
         return f"{rate:.0f} steps/s  return {mean:.1f}  contacts {contacts}  off-road {self._off_road}"
@@ -283,18 +283,16 @@ class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
     def __init__(self, session: Session) -> None:
         self._last = session.folder.config.episodes
         self._every = max(1, self._last // PLAIN_LINES)
-        self._totals = _Totals()
+        self._totals = _Totals(session)
 
     def __exit__(self, *exception: object) -> None:
         return None
 
-    def step(self) -> None:
-        self._totals.steps += 1
-
-    def episode(self, event: EpisodeEvent) -> None:
+    def step(self, event: StepEvent) -> None:
         self._totals.add(event)
-        if event.episode % self._every == 0 or event.episode == self._last:
-            typer.echo(f"episode {event.episode}/{self._last}  {self._totals.text()}")
+        for episode in event.ended:
+            if episode.finished % self._every == 0 or episode.finished == self._last:
+                typer.echo(f"episode {episode.finished}/{self._last}  {self._totals.text()}")
 
 
 class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
@@ -314,9 +312,9 @@ class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
             TextColumn("left"),
         )
         self._task = self._progress.add_task(
-            "", total=session.folder.config.episodes, completed=session.trainer.episode
+            "", total=session.folder.config.episodes, completed=session.trainer.finished
         )
-        self._totals = _Totals()
+        self._totals = _Totals(session)
         self._line = Text()
         self._live = Live(Group(self._progress, self._line), console=console)
 
@@ -327,10 +325,8 @@ class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
     def __exit__(self, *exception: object) -> None:
         self._live.stop()
 
-    def step(self) -> None:
-        self._totals.steps += 1
-
-    def episode(self, event: EpisodeEvent) -> None:
+    def step(self, event: StepEvent) -> None:
         self._totals.add(event)
-        self._line.plain = self._totals.text()
-        self._progress.update(self._task, completed=event.episode)
+        if event.ended:
+            self._line.plain = self._totals.text()
+            self._progress.update(self._task, completed=event.ended[-1].finished)

@@ -4,15 +4,16 @@ import io
 import os
 import pickle
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from drlsl.errors import UserError
 
-FORMAT = 1
+FORMAT = 2
 """Version of the checkpoint and weight files; a reader refuses any other."""
 
 
@@ -72,6 +73,26 @@ def load_state(path: Path, kind: str) -> dict[str, Any]:
     if found["format"] != FORMAT:
         raise UserError(f"{path}: {kind} of format {found['format']}, this version reads format {FORMAT}")
     return found
+
+
+def as_tensors(state: Any) -> Any:
+    """Nested plain types with the arrays in them as tensors, for `save_state`."""
+    return _mapped(state, np.ndarray, torch.tensor)
+
+
+def as_arrays(state: Any) -> Any:
+    """What `as_tensors` was given."""
+    return _mapped(state, torch.Tensor, lambda tensor: tensor.numpy().copy())
+
+
+def _mapped(state: Any, kind: type, change: Callable[[Any], Any]) -> Any:
+    if isinstance(state, kind):
+        return change(state)
+    if isinstance(state, Mapping):
+        return {key: _mapped(value, kind, change) for key, value in state.items()}
+    if isinstance(state, list | tuple):
+        return type(state)(_mapped(value, kind, change) for value in state)
+    return state
 
 
 def _umask() -> int:

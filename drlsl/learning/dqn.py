@@ -1,15 +1,16 @@
 """Deep Q-learning over the actions that are offered."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch.nn import functional
 
 from drlsl.config import Bootstrap, LearningConfig, NetworkConfig
 from drlsl.errors import UserError
+from drlsl.learning.adam import Adam
 from drlsl.learning.network import Policy, QNetwork
 from drlsl.learning.replay import Batch
 
@@ -21,24 +22,24 @@ class DivergedError(UserError):
 
 
 class Choice(NamedTuple):
-    """An action, and the one of highest value had every action been offered."""
+    """Actions for N environments, and those of highest value had every action been offered. Shapes: (N,)."""
 
-    action: int
-    preferred: int
+    actions: NDArray[np.int64]
+    preferred: NDArray[np.int64]
 
 
 def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Choice:
-    """The offered action of highest value; the first of equals.
+    """The offered action of highest value, the first of equals. Shapes: (N, A) and (N, A).
 
     Raises:
         ValueError: no action is offered.
         DivergedError: a value is not finite.
     """
-    if not offered.any():
+    if not offered.any(axis=1).all():
         raise ValueError("no action is offered")
     if not np.isfinite(values).all():
         raise DivergedError(f"the Q-values are {values.tolist()}: {_REMEDY}")
-    return Choice(int(np.where(offered, values, -np.inf).argmax()), int(values.argmax()))
+    return Choice(np.where(offered, values, -np.inf).argmax(axis=1), values.argmax(axis=1))
 
 
 def td_targets(
@@ -59,15 +60,25 @@ def td_targets(
         next_values = next_values.masked_fill(~batch.next_masks, -torch.inf)
     # Not a product with (1 - terminated): a terminal state may offer nothing, and 0 · -inf is NaN.
     future = next_values.amax(dim=1).masked_fill(batch.terminated, 0.0)
-    return batch.rewards + discount * future
+    return torch.add(batch.rewards, future, alpha=discount)
 
 
-def td_loss(values: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-    """Mean squared error of the values of the actions taken. Shapes: (B, A), (B,), (B,) to ().
+class Loss(NamedTuple):
+    """A loss, and its derivative in each Q-value."""
+
+    value: torch.Tensor  # Shape: ()
+    slopes: torch.Tensor  # Shape: (B, A)
+
+
+def td_loss(values: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor) -> Loss:
+    """Mean squared error of the values of the actions taken. Shapes: (B, A), (B,), (B,).
 
     Source: Eq. 1.
     """
-    return functional.mse_loss(values.gather(1, actions.unsqueeze(1)).squeeze(1), targets)
+    taken = actions.unsqueeze(1)
+    errors = values.gather(1, taken).sub_(targets.unsqueeze(1))
+    slopes = torch.zeros_like(values).scatter_(1, taken, errors * (2.0 / len(errors)))
+    return Loss(errors.square().mean(), slopes)
 
 
 class DqnAgent:
@@ -86,75 +97,72 @@ class DqnAgent:
     ) -> None:
         self._learning = learning
         self._rng = rng
-        self._device = device
-        self.network = QNetwork(observation_size, network.hidden, action_count, generator).to(device)
-        self._target = QNetwork(observation_size, network.hidden, action_count, generator).to(device)
-        self._target.load_state_dict(self.network.state_dict())
-        self._target.requires_grad_(False)
-        self._optimiser = torch.optim.Adam(self.network.parameters(), fused=True)
+        self.network = QNetwork(observation_size, network.hidden, action_count, generator, device)
+        self._target = QNetwork(observation_size, network.hidden, action_count, generator, device)
+        self._target.parameters.copy_(self.network.parameters)
+        self._optimiser = Adam(self.network.parameters)
+        self._gradient = self.network.layers_of(self._optimiser.gradient)
         self.policy = Policy(self.network, device)
         self.updates = 0
 
     @property
     def learning_rate(self) -> float:
         """The rate Adam takes its next step with."""
-        return float(self._optimiser.param_groups[0]["lr"])
+        return self._optimiser.learning_rate
 
     @learning_rate.setter
     def learning_rate(self, rate: float) -> None:
-        for group in self._optimiser.param_groups:
-            group["lr"] = rate
+        self._optimiser.learning_rate = rate
 
-    def act(self, observation: NDArray[np.float32], offered: NDArray[np.bool_], epsilon: float) -> Choice:
-        """Choose ε-greedily among the offered actions.
+    def act(self, observations: NDArray[np.float32], offered: NDArray[np.bool_], epsilon: float) -> Choice:
+        """Choose ε-greedily among the offered actions. Shapes: (N, S) and (N, A).
 
         Raises:
-            ValueError: no action is offered, or the observation is not finite.
+            ValueError: no action is offered, or an observation is not finite.
             DivergedError: a Q-value is not finite.
 
         Source: Algorithm 1, lines 9 and 10.
         """
-        choice = greedy_choice(self.policy.values(observation), offered)
-        if self._rng.random() < epsilon:
-            return choice._replace(action=int(self._rng.choice(np.flatnonzero(offered))))
+        choice = greedy_choice(self.policy.values(observations), offered)
+        for row in np.flatnonzero(self._rng.random(len(offered)) < epsilon):
+            choice.actions[row] = self._rng.choice(np.flatnonzero(offered[row]))
         return choice
 
+    @torch.inference_mode()
     def update(self, batch: Batch) -> float:
         """Take one step of Adam on a minibatch and give its loss.
 
         Raises:
             DivergedError: the loss is not finite; the weights are left as they were.
         """
-        batch = Batch(*(field.to(self._device) for field in batch))
-        with torch.no_grad():
-            next_values = self._target(batch.next_observations)
-            targets = td_targets(next_values, batch, self._learning.discount, self._learning.bootstrap)
-        loss = td_loss(self.network(batch.observations), batch.actions, targets)
-        value = loss.item()
-        if not np.isfinite(value):
+        next_values = self._target.forward(batch.next_observations)[-1]
+        targets = td_targets(next_values, batch, self._learning.discount, self._learning.bootstrap)
+        outputs = self.network.forward(batch.observations)
+        loss = td_loss(outputs[-1], batch.actions, targets)
+        value = loss.value.item()
+        if not math.isfinite(value):
             raise DivergedError(f"the loss is {value} at update {self.updates + 1}: {_REMEDY}")
-        self._optimiser.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]  # torch leaves it untyped
+        self.network.backward(batch.observations, outputs, loss.slopes, self._gradient)
         self._optimiser.step()
         self.updates += 1
         if self.updates % self._learning.target_every == 0:
-            self._target.load_state_dict(self.network.state_dict())
+            self._target.parameters.copy_(self.network.parameters)
         return value
 
     def get_state(self) -> dict[str, Any]:
         """Weights, optimiser, counter and generator, in plain types and tensors."""
         return {
-            "network": self.network.state_dict(),
-            "target": self._target.state_dict(),
-            "optimiser": self._optimiser.state_dict(),
+            "network": self.network.get_state(),
+            "target": self._target.get_state(),
+            "optimiser": self._optimiser.get_state(),
             "updates": self.updates,
             "rng": self._rng.bit_generator.state,
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave."""
-        self.network.load_state_dict(state["network"])
-        self._target.load_state_dict(state["target"])
-        self._optimiser.load_state_dict(state["optimiser"])
+        self.network.set_state(state["network"])
+        self._target.set_state(state["target"])
+        self._optimiser.set_state(state["optimiser"])
         self.updates = state["updates"]
         self._rng.bit_generator.state = state["rng"]

@@ -1,7 +1,7 @@
 """One episode: how it is seeded, which actions it offers, and what is counted."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -11,27 +11,26 @@ from numpy.typing import NDArray
 from drlsl.config import Method
 from drlsl.driving.reward import TERMS
 
-Observation = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-Highway = gymnasium.Env[Observation, np.int64]
-ActionFilter = Callable[[Highway, Mapping[str, Any]], Mask]
-"""Gives the actions offered in the state that `reset` or `step` described by its info. Shape: (A,), bool."""
+Highway = gymnasium.Env[NDArray[np.float32], np.int64]
+ActionFilter = Callable[[Mask], Mask]
+"""Gives the actions offered where the rules derive those of a mask to be safe. Shape: (N, A) to (N, A)."""
 
 TRAINING_STREAM, EVALUATION_STREAM = 1, 2
 """Which family of episodes a seed belongs to, so that no training episode is met again in an evaluation."""
 
 
-def all_actions(env: Highway, info: Mapping[str, Any]) -> Mask:
+def all_actions(safe: Mask) -> Mask:
     """Offer every action: the shield is off."""
-    return np.ones(len(info["action_mask"]), np.bool_)
+    return np.ones_like(safe)
 
 
-def rule_safe_actions(env: Highway, info: Mapping[str, Any]) -> Mask:
+def rule_safe_actions(safe: Mask) -> Mask:
     """Offer what the rules derive to be safe: the shield is on.
 
     Source: Algorithm 1, line 8.
     """
-    return np.asarray(info["action_mask"]).astype(np.bool_)
+    return safe
 
 
 ACTION_FILTERS: Mapping[Method, ActionFilter] = {"dqn": all_actions, "dqnsl": rule_safe_actions}
@@ -70,45 +69,74 @@ class EpisodeSummary:
     """Steps in which the shield fell back to its fail-safe."""
 
 
-@dataclass(slots=True)
+_COUNTED = (
+    "steps",
+    "total_return",
+    *TERMS,
+    "lane_changes",
+    "speed",
+    "offered",
+    "interventions",
+    "fail_safe",
+    "loss",
+    "updates",
+)
+"""What a tally adds up in every episode."""
+
+
 class EpisodeTally:
-    """Adds up an episode step by step."""
+    """Adds up N episodes step by step; those that are over are begun anew by `clear`."""
 
-    steps: int = 0
-    total_return: float = 0.0
-    terms: dict[str, float] = field(default_factory=lambda: dict.fromkeys(TERMS, 0.0))
-    lane_changes: int = 0
-    speed_sum: float = 0.0
-    offered_sum: int = 0
-    interventions: int = 0
-    fail_safe: int = 0
+    def __init__(self, count: int) -> None:
+        self.sums = np.zeros((len(_COUNTED), count))
+        """One row for each thing counted. Shape: (K, N)."""
+        self._rows = dict(zip(_COUNTED, self.sums, strict=True))
 
-    def add(self, reward: float, info: Mapping[str, Any], offered: Mask, intervened: bool) -> None:
-        """Count one step: what was offered before it, and the reward and info it led to."""
-        self.steps += 1
-        self.total_return += reward
-        for term, value in info["rewards"].items():
-            self.terms[term] += float(value)
-        self.lane_changes += bool(info["lane_change"])
-        self.speed_sum += float(info["speed"])
-        self.offered_sum += int(np.count_nonzero(offered))
-        self.interventions += intervened
-        self.fail_safe += bool(info["fail_safe"])
+    def add(
+        self, rewards: NDArray[np.float64], info: Mapping[str, Any], offered: Mask, intervened: Mask
+    ) -> None:
+        """Count a step of every episode: what was offered before it, and the rewards and info it led to."""
+        rows = self._rows
+        rows["steps"] += 1
+        rows["total_return"] += rewards
+        for term in TERMS:
+            rows[term] += info["rewards"][term]
+        rows["lane_changes"] += info["lane_change"]
+        rows["speed"] += info["speed"]
+        rows["offered"] += offered.sum(axis=1)
+        rows["interventions"] += intervened
+        rows["fail_safe"] += info["fail_safe"]
 
-    def summary(self, info: Mapping[str, Any]) -> EpisodeSummary:
-        """Close the episode with the info of its last step."""
+    def add_losses(self, losses: Sequence[float]) -> None:
+        """Count the updates of a step for every episode in which it was taken."""
+        self._rows["loss"] += sum(losses)
+        self._rows["updates"] += len(losses)
+
+    def loss(self, index: int) -> float | None:
+        """Mean over an episode's updates; None without one."""
+        updates = float(self._rows["updates"][index])
+        return float(self._rows["loss"][index]) / updates if updates else None
+
+    def summary(self, index: int, info: Mapping[str, Any]) -> EpisodeSummary:
+        """Close an episode with the info of its last step."""
+        sums = {name: float(row[index]) for name, row in self._rows.items()}
+        last = {key: np.ravel(info[key])[index] for key in ("contact", "at_fault", "off_road", "distance")}
         return EpisodeSummary(
-            steps=self.steps,
-            total_return=self.total_return,
-            **{f"reward_{term}": self.terms[term] for term in TERMS},
-            lane_changes=self.lane_changes,
-            contact=bool(info["contact"]),
-            at_fault=bool(info["at_fault"]),
-            contact_reason=str(info["contact_reason"]) if info["contact"] else "",
-            off_road=bool(info["off_road"]),
-            mean_speed=self.speed_sum / self.steps,
-            distance=float(info["distance"]),
-            mask_size=self.offered_sum / self.steps,
-            interventions=self.interventions,
-            fail_safe=self.fail_safe,
+            steps=int(sums["steps"]),
+            total_return=sums["total_return"],
+            **{f"reward_{term}": sums[term] for term in TERMS},
+            lane_changes=int(sums["lane_changes"]),
+            contact=bool(last["contact"]),
+            at_fault=bool(last["at_fault"]),
+            contact_reason=str(np.ravel(info["contact_reason"])[index]) if last["contact"] else "",
+            off_road=bool(last["off_road"]),
+            mean_speed=sums["speed"] / sums["steps"],
+            distance=float(last["distance"]),
+            mask_size=sums["offered"] / sums["steps"],
+            interventions=int(sums["interventions"]),
+            fail_safe=int(sums["fail_safe"]),
         )
+
+    def clear(self, index: int) -> None:
+        """Begin an episode anew."""
+        self.sums[:, index] = 0.0

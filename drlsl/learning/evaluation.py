@@ -40,16 +40,16 @@ def drive(
 def _drive_episode(env: Highway, policy: Policy, shield: ShieldState, seed: int) -> EpisodeSummary:
     offer = rule_safe_actions if shield == "on" else all_actions
     observation, info = env.reset(seed=seed)
-    tally = EpisodeTally()
+    tally = EpisodeTally(1)
     over = False
     while not over:
-        offered = offer(env, info)
-        choice = greedy_choice(policy.values(observation), offered)
-        intervened = not info["action_mask"][choice.preferred]
-        observation, reward, terminated, truncated, info = env.step(np.int64(choice.action))
-        tally.add(float(reward), info, offered, intervened)
+        safe = info["action_mask"][None].astype(np.bool_)
+        offered = offer(safe)
+        choice = greedy_choice(policy.values(observation[None]), offered)
+        observation, reward, terminated, truncated, info = env.step(choice.actions[0])
+        tally.add(np.array([reward], np.float64), info, offered, ~safe[:, choice.preferred[0]])
         over = terminated or truncated
-    return tally.summary(info)
+    return tally.summary(0, info)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The replay memory: a ring of transitions and minibatches drawn from it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,16 +22,25 @@ class Batch(NamedTuple):
 class Replay:
     """The last `capacity` transitions, in one preallocated array of records.
 
-    One record holds one transition, so drawing a minibatch is a single gather; the tensors of a batch are
-    views of the gathered records.
+    One record holds one transition, so drawing minibatches is a single gather into memory that is always the
+    same, and on a GPU a single transfer; the tensors of a batch are views of that memory.
 
     Source: Algorithm 1, the buffer D.
     """
 
     def __init__(
-        self, capacity: int, observation_size: int, action_count: int, rng: np.random.Generator
+        self,
+        capacity: int,
+        observation_size: int,
+        action_count: int,
+        rng: np.random.Generator,
+        *,
+        batch_size: int,
+        batches: int,
+        device: torch.device,
     ) -> None:
-        self._record = np.dtype(
+        """A memory from which up to `batches` minibatches of `batch_size` are drawn at once."""
+        record = np.dtype(
             [
                 ("observations", np.float32, (observation_size,)),
                 ("actions", np.int64),
@@ -42,11 +51,17 @@ class Replay:
             ],
             align=True,
         )
-        self._records = np.zeros(capacity, self._record)
+        self._records = np.zeros(capacity, record)
         # A view per field: writing through them is three times faster than assigning a whole record.
         self._fields = {name: self._records[name] for name in Batch._fields}
         self._rng = rng
         self._added = 0
+        # PyTorch's memory, for its alignment: a matrix product may round otherwise where it begins otherwise.
+        shape = (batches, batch_size, record.itemsize)
+        self._drawn = torch.zeros(shape, dtype=torch.uint8, pin_memory=device.type == "cuda")
+        self._drawn_records = self._drawn.numpy().view(record)[..., 0]
+        self._given = self._drawn if device.type == "cpu" else torch.zeros_like(self._drawn, device=device)
+        self._batches = [_batch_of(given, record) for given in self._given]
 
     def __len__(self) -> int:
         """Transitions held."""
@@ -54,42 +69,52 @@ class Replay:
 
     def add(
         self,
-        observation: NDArray[np.float32],
-        action: int,
-        reward: float,
-        next_observation: NDArray[np.float32],
-        terminated: bool,
-        next_mask: NDArray[np.bool_],
+        observations: NDArray[np.float32],
+        actions: NDArray[np.int64],
+        rewards: NDArray[np.floating],
+        next_observations: NDArray[np.float32],
+        terminated: NDArray[np.bool_],
+        next_masks: NDArray[np.bool_],
     ) -> None:
-        """Store a transition in place of the oldest; a truncated episode's last one is not `terminated`.
+        """Store N transitions in place of the oldest; a truncated episode's last one is not `terminated`.
+
+        Shapes as in `Batch`.
 
         Raises:
             ValueError: a value is not finite, or no action is offered in a next state that is not terminal.
         """
-        if not (np.isfinite(next_observation).all() and np.isfinite(reward)):
-            raise ValueError(f"transition with reward {reward} and next observation {next_observation}")
-        if not (terminated or next_mask.any()):
-            raise ValueError("no action is offered in the next state")
-        fields = self._fields
-        at = self._added % len(self._records)
-        fields["observations"][at] = observation
-        fields["actions"][at] = action
-        fields["rewards"][at] = reward
-        fields["next_observations"][at] = next_observation
+        if not (np.isfinite(next_observations).all() and np.isfinite(rewards).all()):
+            raise ValueError(f"transitions with rewards {rewards} and next observations {next_observations}")
+        if not (terminated | next_masks.any(axis=1)).all():
+            raise ValueError("no action is offered in a next state")
+        fields, capacity = self._fields, len(self._records)
+        start = self._added % capacity
+        stop = start + len(rewards)
+        at = slice(start, stop) if stop <= capacity else np.arange(start, stop) % capacity
+        fields["observations"][at] = observations
+        fields["actions"][at] = actions
+        fields["rewards"][at] = rewards
+        fields["next_observations"][at] = next_observations
         fields["terminated"][at] = terminated
-        fields["next_masks"][at] = next_mask
-        self._added += 1
+        fields["next_masks"][at] = next_masks
+        self._added += len(rewards)
 
-    def sample(self, size: int) -> Batch:
-        """Draw `size` transitions uniformly, with replacement.
+    def sample(self, count: int) -> Sequence[Batch]:
+        """Draw `count` minibatches uniformly, with replacement; they hold until the next are drawn.
 
         Raises:
-            ValueError: the memory is empty.
+            ValueError: the memory is empty, or was not made for so many minibatches.
         """
         if self._added == 0:
             raise ValueError("the replay memory is empty")
-        drawn = self._records.take(self._rng.integers(len(self), size=size))
-        return Batch(*(torch.from_numpy(drawn[name]) for name in Batch._fields))
+        if count > len(self._batches):
+            raise ValueError(f"{count} minibatches from a memory made for {len(self._batches)}")
+        drawn = self._drawn_records[:count]
+        # The indices are in range; mode "raise" would gather into memory of its own first.
+        self._records.take(self._rng.integers(len(self), size=drawn.shape), out=drawn, mode="clip")
+        if self._given is not self._drawn:
+            self._given[:count].copy_(self._drawn[:count])
+        return self._batches[:count]
 
     def get_state(self) -> dict[str, Any]:
         """The transitions held, their count and the generator, in plain types and tensors."""
@@ -111,3 +136,16 @@ class Replay:
             here[:] = stored
         self._added = state["added"]
         self._rng.bit_generator.state = state["rng"]
+
+
+_TORCH_TYPES = {"float32": torch.float32, "int64": torch.int64, "bool": torch.bool}
+
+
+def _batch_of(given: torch.Tensor, record: np.dtype[Any]) -> Batch:
+    """The fields of B records, seen in their bytes. Shape: (B, bytes)."""
+    views = []
+    for name in Batch._fields:
+        field, offset = record.fields[name][:2]  # type: ignore[index]  # a record's dtype has fields
+        view = given[:, offset : offset + field.itemsize].view(_TORCH_TYPES[field.base.name])
+        views.append(view if field.shape else view.squeeze(1))
+    return Batch(*views)

@@ -3,26 +3,28 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from gymnasium.vector import AutoresetMode
+
 from drlsl import driving
 from drlsl.config import TrainConfig, make_config
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.episode import Highway
 from drlsl.learning.figures import write_training_figures
-from drlsl.learning.network import Policy, QNetwork
+from drlsl.learning.fleet import VectorHighway
+from drlsl.learning.network import Policy
 from drlsl.learning.rundir import RunFolder
-from drlsl.learning.trainer import EpisodeEvent, StepEvent, Trainer, make_learner, resolve_device
+from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
 
 
 class Session:
     """A trainer and the run folder that records it."""
 
-    def __init__(self, folder: RunFolder, env: Highway, trainer: Trainer) -> None:
+    def __init__(self, folder: RunFolder, trainer: Trainer) -> None:
         self.folder = folder
-        self.env = env
         self.trainer = trainer
-        self.saved_episode = trainer.episode
-        """The episode after which the last checkpoint was written."""
+        self.saved_steps = trainer.total_steps
+        """The step after which the last checkpoint was written."""
 
     @classmethod
     def start(cls, root: Path, config: TrainConfig, *, force: bool = False) -> "Session":
@@ -31,9 +33,8 @@ class Session:
         Raises:
             UserError: the environment cannot be made, or the folder is occupied.
         """
-        env = driving.make_env(config.env)
-        trainer = Trainer(env, config)
-        session = cls(RunFolder.create(root, config, force=force), env, trainer)
+        trainer = Trainer(make_training_env(config), config)
+        session = cls(RunFolder.create(root, config, force=force), trainer)
         session.checkpoint()
         return session
 
@@ -50,31 +51,26 @@ class Session:
             raise UserError(
                 f"{root}: config.yaml was changed after the checkpoint; undo that, or use --force"
             )
-        env = driving.make_env(folder.config.env)
-        trainer = Trainer(env, folder.config)
+        trainer = Trainer(make_training_env(folder.config), folder.config)
         trainer.set_state(state["trainer"])
-        folder.truncate_metrics(trainer.episode)
-        return cls(folder, env, trainer)
+        folder.truncate_metrics(trainer.finished)
+        return cls(folder, trainer)
 
-    def run(self, stop: Callable[[], bool] = lambda: False) -> Iterator[StepEvent | EpisodeEvent]:
-        """Train on, recording each episode; once `stop` holds, the run ends with the episode in hand.
+    def run(self, stop: Callable[[], bool] = lambda: False) -> Iterator[StepEvent]:
+        """Train on, recording each episode; once `stop` holds, the run ends with the step in hand.
 
-        A checkpoint is written every few episodes, at the end and on `stop`. It holds no environment, so it
-        is only ever taken between two episodes.
+        A checkpoint is written every few episodes, at the end and on `stop`.
         """
         config, trainer = self.folder.config, self.trainer
         for event in trainer.run():
-            if isinstance(event, EpisodeEvent):
-                self.folder.append_metrics(event)
-                stopping = stop()
-                due = event.episode % config.checkpoint_every == 0 or event.episode == config.episodes
-                if due or stopping:
-                    self.checkpoint()
-                yield event
-                if stopping:
-                    return
-            else:
-                yield event
+            for episode in event.ended:
+                self.folder.append_metrics(episode)
+            stopping = stop()
+            if stopping or any(_checkpoint_is_due(config, episode.finished) for episode in event.ended):
+                self.checkpoint()
+            yield event
+            if stopping:
+                return
 
     def checkpoint(self) -> None:
         """Write the whole state of the learner, then the weights by themselves."""
@@ -82,9 +78,9 @@ class Session:
         config = self.folder.config.model_dump(mode="json")
         trainer = self.trainer
         save_state(self.folder.checkpoint, "checkpoint", {"config": config, "trainer": trainer.get_state()})
-        network = trainer.agent.network.state_dict()
-        save_state(self.folder.policy, "policy", {"episode": trainer.episode, "network": network})
-        self.saved_episode = trainer.episode
+        network = trainer.agent.network.get_state()
+        save_state(self.folder.policy, "policy", {"episodes": trainer.finished, "network": network})
+        self.saved_steps = trainer.total_steps
 
     def draw_figures(self) -> list[Path]:
         """Write the training figures of the episodes so far."""
@@ -98,10 +94,22 @@ def load_policy(folder: RunFolder, env: Highway) -> Policy:
         UserError: the weights are missing, damaged, or of another network than config.yaml describes.
     """
     state = load_state(folder.policy, "policy")
-    agent, _ = make_learner(env, folder.config)
-    network: QNetwork = agent.network
+    agent, _ = make_learner(env.observation_space, env.action_space, folder.config)
     try:
-        network.load_state_dict(state["network"])
-    except RuntimeError as error:
+        agent.network.set_state(state["network"])
+    except ValueError as error:
         raise UserError(f"{folder.policy}: the weights do not fit the network of config.yaml") from error
-    return Policy(network, resolve_device(folder.config.device))
+    return Policy(agent.network, resolve_device(folder.config.device))
+
+
+def make_training_env(config: TrainConfig) -> VectorHighway:
+    """The environments of a training.
+
+    Raises:
+        UserError: the recording or the rules cannot be used.
+    """
+    return driving.make_vec(config.env, config.num_envs, AutoresetMode.DISABLED)
+
+
+def _checkpoint_is_due(config: TrainConfig, finished: int) -> bool:
+    return finished % config.checkpoint_every == 0 or finished == config.episodes

@@ -1,8 +1,7 @@
-"""The run loop: episodes of acting, storing and learning, as a stream of events."""
+"""The run loop: acting, storing and learning, as a stream of events."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -12,25 +11,10 @@ import torch
 from drlsl.config import Device, TrainConfig
 from drlsl.errors import UserError
 from drlsl.learning.dqn import DqnAgent
-from drlsl.learning.episode import (
-    ACTION_FILTERS,
-    TRAINING_STREAM,
-    EpisodeSummary,
-    EpisodeTally,
-    Highway,
-    episode_seed,
-)
+from drlsl.learning.episode import ACTION_FILTERS, EpisodeSummary
+from drlsl.learning.fleet import Fleet, VectorHighway, space_sizes
 from drlsl.learning.replay import Replay
 from drlsl.learning.schedule import epsilon_schedule, learning_rate_schedule
-
-
-class StepEvent(NamedTuple):
-    """One step has been taken and learnt from."""
-
-    total_steps: int
-    reward: float
-    loss: float | None
-    """None while the replay memory fills up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,116 +22,138 @@ class EpisodeEvent:
     """One episode is over: a row of the metrics."""
 
     episode: int
-    """Number of the episode, from 1."""
+    """Number of the episode, from 1, in the order of beginning."""
+    finished: int
+    """Episodes that are over by now, this one among them."""
     total_steps: int
     summary: EpisodeSummary
     epsilon: float
     learning_rate: float
     loss: float | None
-    """Mean over the episode's updates."""
+    """Mean over the updates made while it lasted; None while the replay memory fills up."""
     wall_s: float
 
 
-class Trainer:
-    """Trains an agent in an environment; each episode is a function of the run's seed and its number."""
+class StepEvent(NamedTuple):
+    """Every environment has taken a step, and each of these steps has been learnt from."""
 
-    def __init__(self, env: Highway, config: TrainConfig) -> None:
-        self._env = env
+    total_steps: int
+    losses: Sequence[float]
+    """One for each update; none while the replay memory fills up."""
+    ended: Sequence[EpisodeEvent]
+
+
+class Trainer:
+    """Trains an agent in N environments: one update for every step of every environment.
+
+    With one environment this is the paper's loop. With N, the N transitions of a step are followed by N
+    updates, and acting is one pass through the network.
+    """
+
+    def __init__(self, env: VectorHighway, config: TrainConfig) -> None:
         self._config = config
         self._offered = ACTION_FILTERS[config.method]
         self._learning_rate = learning_rate_schedule(config)
         self._epsilon = epsilon_schedule(config)
-        self.agent, self._replay = make_learner(env, config)
-        self.episode = 0
+        self._fleet = Fleet(env, episodes=config.episodes, seed=config.seed)
+        self.agent, self._replay = make_learner(env.single_observation_space, env.single_action_space, config)
         self.total_steps = 0
 
-    def run(self) -> Iterator[StepEvent | EpisodeEvent]:
-        """Train until the configured number of episodes is done.
+    @property
+    def finished(self) -> int:
+        """Episodes that are over."""
+        return self._fleet.finished
+
+    def run(self) -> Iterator[StepEvent]:
+        """Train until the configured number of episodes is done; between two events the state is whole.
 
         Raises:
             DivergedError: a Q-value or a loss is not finite.
             ValueError: the environment gave an observation that is not finite, or offered no action.
         """
-        while self.episode < self._config.episodes:
-            yield from self._run_episode()
+        while self.finished < self._config.episodes:
+            yield self._step()
 
-    def _run_episode(self) -> Iterator[StepEvent | EpisodeEvent]:
-        """Play one episode, learning at each step.
+    def _step(self) -> StepEvent:
+        """Drive one step in every environment, and learn from it.
 
         Source: Algorithm 1, lines 6 to 17.
         """
-        started = perf_counter()
-        index, env, agent, replay = self.episode, self._env, self.agent, self._replay
-        agent.learning_rate = self._learning_rate(index)
-        epsilon = self._epsilon(index)
-        losses: list[float] = []
-        tally = EpisodeTally()
-        observation, info = env.reset(seed=episode_seed(self._config.seed, TRAINING_STREAM, index))
-        offered = self._offered(env, info)
-        over = False
-        while not over:
-            action, preferred = agent.act(observation, offered, epsilon)
-            intervened = not info["action_mask"][preferred]
-            next_observation, reward, terminated, truncated, info = env.step(np.int64(action))
-            next_offered = self._offered(env, info)
-            replay.add(observation, action, float(reward), next_observation, terminated, next_offered)
-            loss = self._learn()
-            if loss is not None:
-                losses.append(loss)
-            tally.add(float(reward), info, offered, intervened)
-            observation, offered, over = next_observation, next_offered, terminated or truncated
-            self.total_steps += 1
-            yield StepEvent(self.total_steps, float(reward), loss)
-        self.episode += 1
-        yield EpisodeEvent(
-            episode=self.episode,
-            total_steps=self.total_steps,
-            summary=tally.summary(info),
-            epsilon=epsilon,
-            learning_rate=agent.learning_rate,
-            loss=float(np.mean(losses)) if losses else None,
-            wall_s=perf_counter() - started,
+        fleet, agent = self._fleet, self.agent
+        agent.learning_rate, epsilon = self._learning_rate(self.finished), self._epsilon(self.finished)
+        fleet.begin()
+        observations, safe, rows = fleet.observations, fleet.safe, fleet.rows()
+        offered = self._offered(safe)
+        actions, preferred = agent.act(observations, offered, epsilon)
+        intervened = ~np.take_along_axis(safe, preferred[:, None], axis=1)[:, 0]
+        outcome = fleet.step(actions)
+        self._replay.add(
+            observations[rows],
+            actions[rows],
+            outcome.rewards[rows],
+            fleet.observations[rows],
+            outcome.terminated[rows],
+            self._offered(fleet.safe[rows]),
         )
+        driven = len(actions[rows])
+        losses = self._learn(driven)
+        self.total_steps += driven
+        over = fleet.count(outcome, offered, intervened, losses)
+        ended = [
+            EpisodeEvent(
+                episode=one.episode,
+                finished=self.finished - len(over) + place,
+                total_steps=self.total_steps,
+                summary=one.summary,
+                epsilon=epsilon,
+                learning_rate=agent.learning_rate,
+                loss=one.loss,
+                wall_s=one.wall_s,
+            )
+            for place, one in enumerate(over, start=1)
+        ]
+        return StepEvent(self.total_steps, losses, ended)
 
-    def _learn(self) -> float | None:
-        learning = self._config.learning
-        if len(self._replay) < learning.learning_starts:
-            return None
-        return self.agent.update(self._replay.sample(learning.batch_size))
+    def _learn(self, updates: int) -> list[float]:
+        if len(self._replay) < self._config.learning.learning_starts:
+            return []
+        return [self.agent.update(batch) for batch in self._replay.sample(updates)]
 
     def get_state(self) -> dict[str, Any]:
-        """Everything the next episode depends on; only meaningful between two episodes."""
+        """Everything the next step depends on."""
         return {
-            "episode": self.episode,
             "total_steps": self.total_steps,
+            "fleet": self._fleet.get_state(),
             "agent": self.agent.get_state(),
             "replay": self._replay.get_state(),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Take over what `get_state` gave."""
+        """Take over what `get_state` gave.
+
+        Raises:
+            UserError: the rules or the recording are not what they were.
+        """
+        self.total_steps = state["total_steps"]
+        self._fleet.set_state(state["fleet"])
         self.agent.set_state(state["agent"])
         self._replay.set_state(state["replay"])
-        self.episode = state["episode"]
-        self.total_steps = state["total_steps"]
 
 
-def make_learner(env: Highway, config: TrainConfig) -> tuple[DqnAgent, Replay]:
+def make_learner(
+    observations: gymnasium.Space[Any], actions: gymnasium.Space[Any], config: TrainConfig
+) -> tuple[DqnAgent, Replay]:
     """An untrained agent and an empty replay memory, with their own random streams from the run's seed.
 
     Sets PyTorch's number of threads for the process.
 
     Raises:
-        TypeError: the environment's spaces are not a vector of observed values and discrete actions.
+        TypeError: the spaces are not a vector of observed values and discrete actions.
         UserError: the configured device is not there.
     """
-    observations, actions = env.observation_space, env.action_space
-    if not (isinstance(observations, gymnasium.spaces.Box) and len(observations.shape) == 1):
-        raise TypeError(f"expected a vector of observed values, got {observations}")
-    if not isinstance(actions, gymnasium.spaces.Discrete):
-        raise TypeError(f"expected discrete actions, got {actions}")
+    size, count = space_sizes(observations, actions)
     torch.set_num_threads(config.threads)
-    size, count = observations.shape[0], int(actions.n)
+    device = resolve_device(config.device)
     weights, exploration, minibatches = np.random.SeedSequence(config.seed).spawn(3)
     agent = DqnAgent(
         size,
@@ -156,9 +162,17 @@ def make_learner(env: Highway, config: TrainConfig) -> tuple[DqnAgent, Replay]:
         config.learning,
         rng=np.random.default_rng(exploration),
         generator=torch.Generator().manual_seed(int(weights.generate_state(1)[0])),
-        device=resolve_device(config.device),
+        device=device,
     )
-    replay = Replay(config.learning.replay_capacity, size, count, np.random.default_rng(minibatches))
+    replay = Replay(
+        config.learning.replay_capacity,
+        size,
+        count,
+        np.random.default_rng(minibatches),
+        batch_size=config.learning.batch_size,
+        batches=config.num_envs,
+        device=device,
+    )
     return agent, replay
 
 

@@ -1,17 +1,23 @@
 """Fixtures of the learner's tests."""
 
 import pytest
+from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
 from drlsl.config import TrainConfig, make_config
 from drlsl.driving.config import EnvConfig
 
-from .fake import FakeHighway
+from .fake import FakeHighway, FakeVector, fakes
 
 
 @pytest.fixture
 def tiny_config() -> TrainConfig:
     """A training of a few short episodes with a small network."""
+    return small_config()
+
+
+def small_config() -> TrainConfig:
+    """The same, for tests that cannot take a fixture."""
     return make_config(
         {
             "episodes": 6,
@@ -33,5 +39,10 @@ def fake_driving(monkeypatch: pytest.MonkeyPatch) -> None:
     def make_env(config: EnvConfig) -> FakeHighway:
         return FakeHighway(config.track_length)
 
+    def make_vec(config: EnvConfig, num_envs: int, mode: AutoresetMode) -> FakeVector:
+        assert mode is AutoresetMode.DISABLED
+        return fakes(num_envs, config.track_length)
+
     # Not setattr, which would first load the real environment only to remember it.
     monkeypatch.setitem(vars(driving), "make_env", make_env)
+    monkeypatch.setitem(vars(driving), "make_vec", make_vec)

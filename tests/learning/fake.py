@@ -1,9 +1,11 @@
 """A small road with standing cars: the environment's contract without recordings and rules."""
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 LANES = 3
@@ -40,7 +42,7 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
         self._x += SPEED
         late = 1.0 - 0.8 * min(self._x / self._length, 1.0)
         rewards = {
-            "lane_change": -5.0 * (action != 0),
+            "lane_change": -5.0 * int(action != 0),
             "velocity": 0.01 * SPEED,
             "collision": -100.0 * late * contact,
             "off_road": -100.0 * late * off_road,
@@ -49,6 +51,18 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
         truncated = not terminated and self._x >= self._length
         info = self._info(rewards, changed=action != 0, contact=contact, off_road=off_road)
         return self._observation(), sum(rewards.values()), terminated, truncated, info
+
+    def get_state(self) -> dict[str, Any]:
+        return {
+            "x": self._x,
+            "lane": self._lane,
+            "cars": self._cars,
+            "rng": self.np_random.bit_generator.state,
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        self._x, self._lane, self._cars = state["x"], state["lane"], state["cars"]
+        self.np_random.bit_generator.state = state["rng"]
 
     def _gap(self, lane: int) -> float:
         ahead = [x - self._x for car_lane, x in self._cars if car_lane == lane and x >= self._x]
@@ -70,9 +84,9 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
         info = {
             "action_mask": self._mask(),
             "rewards": rewards,
-            "lane_change": changed,
-            "contact": contact,
-            "at_fault": contact and self._lane == 0,
+            "lane_change": bool(changed),
+            "contact": bool(contact),
+            "at_fault": bool(contact and self._lane == 0),
             "off_road": off_road,
             "speed": SPEED,
             "distance": self._x,
@@ -80,3 +94,28 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
             "fail_safe": False,
         }
         return info | ({"contact_reason": "ran into a standing car"} if contact else {})
+
+
+class FakeVector(SyncVectorEnv):
+    """Environments driven in step by Gymnasium's own class, with a state to go on from."""
+
+    def __init__(self, *envs: gymnasium.Env[Any, Any]) -> None:
+        makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [lambda env=env: env for env in envs]  # type: ignore[misc]
+        super().__init__(makers, autoreset_mode=AutoresetMode.DISABLED)
+
+    def get_state(self) -> dict[str, Any]:
+        states = [env.unwrapped.get_state() for env in self.envs]
+        return {"envs": states, "over": self._autoreset_envs.copy(), "seen": self._observations.copy()}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        for env, one in zip(self.envs, state["envs"], strict=True):
+            env.unwrapped.set_state(one)
+        self._autoreset_envs = state["over"].copy()
+        self._env_obs = list(state["seen"])
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        return np.array([env.unwrapped._mask() for env in self.envs]).astype(np.bool_)
+
+
+def fakes(count: int, track_length: float = 840.0) -> FakeVector:
+    return FakeVector(*(FakeHighway(track_length) for _ in range(count)))

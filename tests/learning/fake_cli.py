@@ -6,7 +6,7 @@ import time
 from drlsl import driving
 from drlsl.cli import run
 
-from .fake import FakeHighway
+from .fake import FakeHighway, FakeVector
 
 STEP_S = 0.004
 
@@ -18,5 +18,8 @@ class SlowHighway(FakeHighway):
 
 
 if __name__ == "__main__":
-    vars(driving)["make_env"] = lambda config: SlowHighway(config.track_length)
+    vars(driving)["make_env"] = lambda config: FakeHighway(config.track_length)
+    vars(driving)["make_vec"] = lambda config, num_envs, mode: FakeVector(
+        *(SlowHighway(config.track_length) for _ in range(num_envs))
+    )
     sys.exit(run(sys.argv[1:]))

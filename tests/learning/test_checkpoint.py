@@ -4,11 +4,12 @@ import pickle
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from drlsl.errors import UserError
-from drlsl.learning.checkpoint import load_state, save_state, write_atomic
+from drlsl.learning.checkpoint import as_arrays, as_tensors, load_state, save_state, write_atomic
 
 
 def test_a_state_comes_back(tmp_path: Path) -> None:
@@ -16,8 +17,24 @@ def test_a_state_comes_back(tmp_path: Path) -> None:
     save_state(tmp_path / "state.pt", "checkpoint", state)
     found = load_state(tmp_path / "state.pt", "checkpoint")
     assert torch.equal(found.pop("weights"), torch.arange(4.0))
-    assert found == {"count": 2**70, "name": "x", "nested": {"none": None}, "format": 1, "kind": "checkpoint"}
+    assert found == {"count": 2**70, "name": "x", "nested": {"none": None}, "format": 2, "kind": "checkpoint"}
     assert os.listdir(tmp_path) == ["state.pt"]
+
+
+def test_arrays_come_back_of_the_same_kind_and_stand_alone(tmp_path: Path) -> None:
+    arrays = [np.arange(3), np.array([[True, False]]), np.linspace(0, 1, 4), np.float32([1.5])]
+    state = {"arrays": tuple(arrays), "big": 2**127, "nested": {"list": [arrays[0], "text", None]}}
+    save_state(tmp_path / "state.pt", "checkpoint", as_tensors(state))
+    arrays[0][:] = 9
+    found = as_arrays(load_state(tmp_path / "state.pt", "checkpoint"))
+    assert found["nested"]["list"][0].tolist() == found["arrays"][0].tolist() == [0, 1, 2]
+    for mine, theirs in zip(found["arrays"][1:], arrays[1:], strict=True):
+        assert mine.dtype == theirs.dtype
+        np.testing.assert_array_equal(mine, theirs)
+    assert found["nested"]["list"][1:] == ["text", None]
+    assert found["big"] == 2**127
+    found["arrays"][0][:] = 5
+    assert found["nested"]["list"][0].tolist() == [0, 1, 2]
 
 
 def test_a_missing_file_is_a_user_error(tmp_path: Path) -> None:
@@ -64,7 +81,7 @@ def test_a_harmful_file_runs_nothing(tmp_path: Path, plain: bool) -> None:
     if plain:
         path.write_bytes(pickle.dumps(Harmful(mark)))
     else:
-        torch.save({"kind": "checkpoint", "format": 1, "x": Harmful(mark)}, path)
+        torch.save({"kind": "checkpoint", "format": 2, "x": Harmful(mark)}, path)
     with pytest.raises(UserError, match="damaged"):
         load_state(path, "checkpoint")
     assert not mark.exists()

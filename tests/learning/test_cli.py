@@ -1,4 +1,3 @@
-import csv
 import json
 import os
 import signal
@@ -11,6 +10,7 @@ import pytest
 import yaml
 
 from drlsl.cli import run
+from drlsl.learning.checkpoint import load_state
 from drlsl.learning.rundir import RunFolder
 
 from .test_session import assert_same_outcome
@@ -175,10 +175,10 @@ def test_eval_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert list(tmp_path.iterdir()) == []
 
 
-def started(tmp_path: Path, name: str) -> subprocess.Popen[str]:
+def started(tmp_path: Path, name: str, *more: str) -> subprocess.Popen[str]:
     """A slow training in a process of its own, once it has finished three episodes."""
     metrics = tmp_path / name / "metrics.csv"
-    command = [sys.executable, "-m", "tests.learning.fake_cli", "train", *TINY, "--episodes", "20"]
+    command = [sys.executable, "-m", "tests.learning.fake_cli", "train", *TINY, *more]
     process = subprocess.Popen(
         [*command, "--out", str(tmp_path / name)],
         cwd=ROOT,
@@ -195,11 +195,11 @@ def started(tmp_path: Path, name: str) -> subprocess.Popen[str]:
     return process
 
 
+@pytest.mark.parametrize("num_envs", ["1", "3"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_stopped_process_resumes_bit_for_bit(
-    number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    process = started(tmp_path, "run")
+def test_a_stopped_process_resumes_bit_for_bit(number: signal.Signals, num_envs: str, tmp_path: Path) -> None:
+    settings = ["--episodes", "20", "--num-envs", num_envs]
+    process = started(tmp_path, "run", *settings)
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
     if number is signal.SIGKILL:
@@ -208,15 +208,15 @@ def test_a_stopped_process_resumes_bit_for_bit(
         assert (process.returncode, err) == (128 + number, "")
         last = out.splitlines()[-1]
         assert last.endswith(f"go on with: drlsl train --out {tmp_path / 'run'} --resume")
-        with (tmp_path / "run" / "metrics.csv").open(newline="") as file:
-            assert f"after episode {len(list(csv.DictReader(file)))};" in last
+        stored = load_state(tmp_path / "run" / "checkpoint.pt", "checkpoint")
+        assert f"saved at step {stored['trainer']['total_steps']};" in last
     assert run(["train", "--resume", "--out", "run"]) == 0
-    assert run(["train", *TINY, "--episodes", "20", "--out", "whole"]) == 0
+    assert run(["train", *TINY, *settings, "--out", "whole"]) == 0
     assert_same_outcome(tmp_path / "whole", tmp_path / "run")
 
 
 def test_a_second_interrupt_stops_at_once(tmp_path: Path) -> None:
-    process = started(tmp_path, "run")
+    process = started(tmp_path, "run", "--episodes", "20")
     process.send_signal(signal.SIGINT)
     time.sleep(0.01)
     process.send_signal(signal.SIGINT)

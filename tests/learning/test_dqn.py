@@ -67,7 +67,22 @@ def test_targets_agree_with_a_loop(seed: int, discount: float, bootstrap: Bootst
 def test_the_loss_is_the_mean_squared_error_of_the_actions_taken() -> None:
     values = torch.tensor([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     loss = td_loss(values, torch.tensor([2, 0]), torch.tensor([1.0, 1.0]))
-    assert loss.item() == pytest.approx((2.0**2 + 3.0**2) / 2)
+    assert loss.value.item() == pytest.approx((2.0**2 + 3.0**2) / 2)
+
+
+@given(rows=st.integers(1, 20), seed=st.integers(0, 1_000))
+@settings(max_examples=40, deadline=None)
+def test_the_losss_slopes_are_autograds(rows: int, seed: int) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.randn(rows, ACTIONS, generator=generator, requires_grad=True)
+    actions = torch.randint(ACTIONS, (rows,), generator=generator)
+    targets = torch.randn(rows, generator=generator)
+    loss = td_loss(values.detach(), actions, targets)
+    taken = values[torch.arange(rows), actions]
+    expected = torch.nn.functional.mse_loss(taken, targets)
+    expected.backward()
+    torch.testing.assert_close(loss.value, expected.detach())
+    torch.testing.assert_close(loss.slopes, values.grad)
 
 
 @given(
@@ -75,10 +90,14 @@ def test_the_loss_is_the_mean_squared_error_of_the_actions_taken() -> None:
     offered=st.lists(st.booleans(), min_size=3, max_size=3).filter(any),
 )
 def test_the_greedy_action_is_the_best_offered(values: list[float], offered: list[bool]) -> None:
-    choice = greedy_choice(np.array(values, np.float32), np.array(offered))
-    assert offered[choice.action]
-    assert values[choice.action] == max(value for value, is_in in zip(values, offered, strict=True) if is_in)
-    assert values[choice.preferred] == max(values)
+    flipped = (values[::-1], offered[::-1])
+    actions, preferred = greedy_choice(
+        np.array([values, flipped[0]], np.float32), np.array([offered, flipped[1]])
+    )
+    for row, (seen, free) in enumerate([(values, offered), flipped]):
+        assert free[actions[row]]
+        assert seen[actions[row]] == max(value for value, is_in in zip(seen, free, strict=True) if is_in)
+        assert seen[preferred[row]] == max(seen)
 
 
 @given(
@@ -89,68 +108,66 @@ def test_the_greedy_action_is_the_best_offered(values: list[float], offered: lis
 @settings(deadline=None)
 def test_exploration_stays_among_the_offered(offered: list[bool], epsilon: float, seed: int) -> None:
     learner = agent(seed=seed)
-    observation = np.random.default_rng(seed).random(SIZE, np.float32)
-    for _ in range(20):
-        assert offered[learner.act(observation, np.array(offered), epsilon).action]
+    observations = np.random.default_rng(seed).random((20, SIZE), np.float32)
+    assert all(offered[action] for action in learner.act(observations, masks(20, *offered), epsilon).actions)
+
+
+def masks(rows: int, *offered: bool) -> np.ndarray:
+    return np.tile(np.array(offered, np.bool_), (rows, 1))
 
 
 def test_exploration_reaches_each_offered_action_evenly() -> None:
-    learner, observation = agent(), np.zeros(SIZE, np.float32)
-    offered = np.array([True, False, True])
-    taken = [learner.act(observation, offered, 1.0).action for _ in range(2_000)]
+    taken = agent().act(np.zeros((2_000, SIZE), np.float32), masks(2_000, True, False, True), 1.0).actions
     counts = np.bincount(taken, minlength=3)
     assert counts[1] == 0
     assert abs(counts[0] - counts[2]) < 200
 
 
 def test_exploration_happens_at_the_given_rate() -> None:
-    learner, observation = agent(), np.zeros(SIZE, np.float32)
-    offered = np.ones(ACTIONS, np.bool_)
-    greedy = learner.act(observation, offered, 0.0).action
-    others = sum(learner.act(observation, offered, 0.3).action != greedy for _ in range(3_000))
-    assert others / 3_000 == pytest.approx(0.3 * 2 / 3, abs=0.03)
+    learner, observations = agent(), np.zeros((3_000, SIZE), np.float32)
+    offered = masks(3_000, True, True, True)
+    greedy = learner.act(observations, offered, 0.0).actions
+    explored = learner.act(observations, offered, 0.3)
+    assert (greedy == greedy[0]).all()
+    assert (explored.preferred == greedy[0]).all()
+    assert (explored.actions != greedy).mean() == pytest.approx(0.3 * 2 / 3, abs=0.03)
 
 
 def test_nothing_offered_is_an_error() -> None:
-    nothing = np.zeros(ACTIONS, np.bool_)
+    offered = np.array([[True, True, True], [False, False, False]])
     with pytest.raises(ValueError, match="no action is offered"):
-        greedy_choice(np.zeros(ACTIONS, np.float32), nothing)
+        greedy_choice(np.zeros((2, ACTIONS), np.float32), offered)
     with pytest.raises(ValueError, match="no action is offered"):
-        agent().act(np.zeros(SIZE, np.float32), nothing, 1.0)
+        agent().act(np.zeros((2, SIZE), np.float32), offered, 1.0)
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 1.0])
 def test_an_observation_that_is_not_finite_is_an_error(epsilon: float) -> None:
-    observation = np.array([0.0, np.nan, 0.0, 0.0], np.float32)
+    observations = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, np.nan, 0.0, 0.0]], np.float32)
     with pytest.raises(ValueError, match="not finite"):
-        agent().act(observation, np.ones(ACTIONS, np.bool_), epsilon)
+        agent().act(observations, masks(2, True, True, True), epsilon)
 
 
 def test_q_values_that_are_not_finite_are_an_error() -> None:
     learner = agent()
-    with torch.no_grad():
-        next(learner.network.parameters()).fill_(torch.nan)
+    learner.network.parameters.fill_(torch.nan)
     with pytest.raises(DivergedError, match="Q-values"):
-        learner.act(np.zeros(SIZE, np.float32), np.ones(ACTIONS, np.bool_), 1.0)
+        learner.act(np.zeros((1, SIZE), np.float32), masks(1, True, True, True), 1.0)
 
 
 def test_a_loss_that_is_not_finite_leaves_the_weights() -> None:
     learner = agent()
-    before = copy.deepcopy(learner.network.state_dict())
+    before = learner.network.parameters.clone()
     batch = random_batch(0)
     with pytest.raises(DivergedError, match="loss is inf at update 1"):
         learner.update(batch._replace(rewards=torch.full_like(batch.rewards, 1e30)))
-    for name, value in learner.network.state_dict().items():
-        assert torch.equal(value, before[name])
+    assert torch.equal(learner.network.parameters, before)
 
 
 def largest_change(learner: DqnAgent, batch: Batch) -> float:
-    before = [parameter.detach().clone() for parameter in learner.network.parameters()]
+    before = learner.network.parameters.clone()
     learner.update(batch)
-    return max(
-        (new.detach() - old).abs().max().item()
-        for new, old in zip(learner.network.parameters(), before, strict=True)
-    )
+    return float((learner.network.parameters - before).abs().max())
 
 
 @pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-4])
@@ -172,24 +189,40 @@ def test_a_later_learning_rate_reaches_adam_too() -> None:
     assert ratio == pytest.approx(100.0, rel=0.02)
 
 
-def test_an_update_agrees_with_plain_adam() -> None:
-    learner = agent(bootstrap="safe")
+@pytest.mark.parametrize("bootstrap", ["all", "safe"])
+def test_an_update_agrees_with_autograd_and_plain_adam(bootstrap: Bootstrap) -> None:
+    learner = agent(bootstrap=bootstrap, target_every=3)
     learner.learning_rate = 0.01
-    network = copy.deepcopy(learner.network)
+    network = plain_network(learner)
     frozen = copy.deepcopy(network)
     optimiser = torch.optim.Adam(network.parameters(), lr=0.01)
-    for step in range(5):
+    for step in range(7):
         batch = random_batch(step)
-        masked = frozen(batch.next_observations).detach().where(batch.next_masks, torch.tensor(-1e9))
-        future = torch.where(batch.terminated, 0.0, masked.max(dim=1).values)
+        next_values = frozen(batch.next_observations).detach()
+        if bootstrap == "safe":
+            next_values = next_values.where(batch.next_masks, torch.tensor(-1e9))
+        future = torch.where(batch.terminated, 0.0, next_values.max(dim=1).values)
         taken = network(batch.observations)[torch.arange(16), batch.actions]
         loss = ((batch.rewards + 0.95 * future - taken) ** 2).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         assert learner.update(batch) == pytest.approx(loss.item(), rel=1e-4)
-    for mine, reference in zip(learner.network.parameters(), network.parameters(), strict=True):
-        torch.testing.assert_close(mine, reference, rtol=1e-4, atol=1e-5)
+        if step % 3 == 2:
+            frozen = copy.deepcopy(network)
+    for mine, reference in zip(learner.network.layers, network[::2], strict=True):
+        torch.testing.assert_close(mine.weight.t(), reference.weight.detach(), rtol=1e-4, atol=1e-5)
+        torch.testing.assert_close(mine.bias, reference.bias.detach(), rtol=1e-4, atol=1e-5)
+
+
+def plain_network(learner: DqnAgent) -> torch.nn.Sequential:
+    """The agent's network from PyTorch's own modules."""
+    nn = torch.nn
+    plain = nn.Sequential(nn.Linear(SIZE, 8), nn.ReLU(), nn.Linear(8, 8), nn.ReLU(), nn.Linear(8, ACTIONS))
+    for module, layer in zip(plain[::2], learner.network.layers, strict=True):
+        module.weight.data.copy_(layer.weight.t())
+        module.bias.data.copy_(layer.bias)
+    return plain
 
 
 def test_the_target_network_is_copied_every_so_many_updates() -> None:
@@ -209,17 +242,16 @@ def test_a_state_carries_over() -> None:
     for step in range(6):
         learner.update(random_batch(step))
     restored.set_state(copy.deepcopy(learner.get_state()))
-    observation, offered = np.full(SIZE, 0.3, np.float32), np.ones(ACTIONS, np.bool_)
+    observations, offered = np.full((4, SIZE), 0.3, np.float32), masks(4, True, True, True)
     for step in range(6, 12):
         assert learner.update(random_batch(step)) == restored.update(random_batch(step))
-        assert learner.act(observation, offered, 0.5) == restored.act(observation, offered, 0.5)
+        mine, same = (one.act(observations, offered, 0.5).actions for one in (learner, restored))
+        assert mine.tolist() == same.tolist()
 
 
 def test_equal_seeds_give_equal_weights() -> None:
-    for mine, same in zip(
-        agent(seed=3).network.parameters(), agent(seed=3).network.parameters(), strict=True
-    ):
-        assert torch.equal(mine, same)
+    assert torch.equal(agent(seed=3).network.parameters, agent(seed=3).network.parameters)
+    assert not torch.equal(agent(seed=3).network.parameters, agent(seed=4).network.parameters)
 
 
 def test_layers_are_drawn_within_pytorchs_bounds() -> None:
@@ -233,9 +265,8 @@ def test_layers_are_drawn_within_pytorchs_bounds() -> None:
         generator=torch.Generator().manual_seed(0),
         device=torch.device("cpu"),
     )
-    shapes = [tuple(parameter.shape) for parameter in learner.network.parameters()]
-    assert shapes == [(256, 10), (256,), (256, 256), (256,), (3, 256), (3,)]
-    for weight in learner.network.parameters():
-        if weight.ndim == 2:
-            bound = weight.shape[1] ** -0.5
-            assert 0.9 * bound < weight.abs().max().item() <= bound
+    assert learner.network.sizes == (10, 256, 256, 3)
+    for weight, bias in learner.network.layers:
+        bound = weight.shape[0] ** -0.5
+        assert 0.9 * bound < weight.abs().max().item() <= bound
+        assert 0.0 < bias.abs().max().item() <= bound

@@ -16,8 +16,8 @@ class Fixed:
     def __init__(self, *values: float) -> None:
         self._values = np.array(values, np.float32)
 
-    def values(self, observation: np.ndarray) -> np.ndarray:
-        return self._values
+    def values(self, observations: np.ndarray) -> np.ndarray:
+        return np.tile(self._values, (len(observations), 1))
 
 
 def driven(*values: float, shield: ShieldState, seed: int = 0, episodes: int = 30) -> list[EpisodeSummary]:

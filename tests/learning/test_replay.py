@@ -2,6 +2,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -10,54 +11,82 @@ from drlsl.learning.replay import Replay
 OBSERVED, ACTIONS = 3, 2
 
 
-def transition(number: int) -> dict[str, Any]:
-    """A transition whose every field tells its number."""
+def transitions(*numbers: int) -> dict[str, Any]:
+    """Transitions whose every field tells its number."""
+    column = np.array(numbers)
     return {
-        "observation": np.full(OBSERVED, number, np.float32),
-        "action": number % ACTIONS,
-        "reward": float(-number),
-        "next_observation": np.full(OBSERVED, number + 0.5, np.float32),
-        "terminated": number % 3 == 0,
-        "next_mask": np.array([True, number % 2 == 0]),
+        "observations": np.repeat(column[:, None], OBSERVED, axis=1).astype(np.float32),
+        "actions": column % ACTIONS,
+        "rewards": -column.astype(np.float64),
+        "next_observations": np.repeat(column[:, None] + 0.5, OBSERVED, axis=1).astype(np.float32),
+        "terminated": column % 3 == 0,
+        "next_masks": np.stack([column >= 0, column % 2 == 0], axis=1),
     }
 
 
-def filled(capacity: int, count: int, seed: int = 0) -> Replay:
-    replay = Replay(capacity, OBSERVED, ACTIONS, np.random.default_rng(seed))
-    for number in range(count):
-        replay.add(**transition(number))
+def empty(capacity: int, *, seed: int = 0, batch_size: int = 16, batches: int = 1) -> Replay:
+    rng = np.random.default_rng(seed)
+    return Replay(
+        capacity, OBSERVED, ACTIONS, rng, batch_size=batch_size, batches=batches, device=torch.device("cpu")
+    )
+
+
+def filled(capacity: int, count: int, *, seed: int = 0, batch_size: int = 16, at_once: int = 1) -> Replay:
+    replay = empty(capacity, seed=seed, batch_size=batch_size)
+    for start in range(0, count, at_once):
+        replay.add(**transitions(*range(start, min(start + at_once, count))))
     return replay
 
 
-@given(capacity=st.integers(1, 12), count=st.integers(1, 40), size=st.integers(1, 20))
-@settings(max_examples=60, deadline=None)
-def test_a_batch_holds_the_latest_transitions_whole(capacity: int, count: int, size: int) -> None:
-    replay = filled(capacity, count)
+@given(
+    capacity=st.integers(1, 12),
+    count=st.integers(1, 40),
+    size=st.integers(1, 20),
+    at_once=st.integers(1, 20),
+)
+@settings(max_examples=100, deadline=None)
+def test_a_batch_holds_the_latest_transitions_whole(
+    capacity: int, count: int, size: int, at_once: int
+) -> None:
+    replay = filled(capacity, count, batch_size=size, at_once=at_once)
     kept = range(max(0, count - capacity), count)
     assert len(replay) == len(kept)
-    batch = replay.sample(size)
+    (batch,) = replay.sample(1)
+    assert all(field.shape[0] == size for field in batch)
     for row in range(size):
         number = int(batch.observations[row, 0])
         assert number in kept
-        expected = transition(number)
-        np.testing.assert_array_equal(batch.observations[row], expected["observation"])
-        np.testing.assert_array_equal(batch.next_observations[row], expected["next_observation"])
-        np.testing.assert_array_equal(batch.next_masks[row], expected["next_mask"])
-        assert batch.actions[row] == expected["action"]
-        assert batch.rewards[row] == expected["reward"]
-        assert batch.terminated[row] == expected["terminated"]
+        expected = transitions(number)
+        np.testing.assert_array_equal(batch.observations[row], expected["observations"][0])
+        np.testing.assert_array_equal(batch.next_observations[row], expected["next_observations"][0])
+        np.testing.assert_array_equal(batch.next_masks[row], expected["next_masks"][0])
+        assert batch.actions[row] == expected["actions"][0]
+        assert batch.rewards[row] == expected["rewards"][0]
+        assert batch.terminated[row] == expected["terminated"][0]
+
+
+def test_minibatches_drawn_at_once_are_different_ones() -> None:
+    replay = empty(1_000, batch_size=50, batches=3)
+    replay.add(**transitions(*range(1_000)))
+    numbers = [batch.observations[:, 0].tolist() for batch in replay.sample(3)]
+    assert len({tuple(one) for one in numbers}) == 3
+    again = empty(1_000, batch_size=50, batches=3)
+    again.add(**transitions(*range(1_000)))
+    assert [batch.observations[:, 0].tolist() for batch in again.sample(2)] == numbers[:2]
+    with pytest.raises(ValueError, match="4 minibatches from a memory made for 3"):
+        replay.sample(4)
 
 
 @given(capacity=st.integers(1, 8), count=st.integers(1, 20))
 @settings(max_examples=30, deadline=None)
 def test_every_kept_transition_can_be_drawn(capacity: int, count: int) -> None:
-    batch = filled(capacity, count).sample(500)
+    (batch,) = filled(capacity, count, batch_size=500).sample(1)
     drawn = {int(value) for value in batch.observations[:, 0]}
     assert drawn == set(range(max(0, count - capacity), count))
 
 
 def test_minibatches_are_drawn_evenly() -> None:
-    numbers = filled(10, 25).sample(20_000).observations[:, 0].numpy()
+    numbers = filled(10, 25, batch_size=20_000).sample(1)[0].observations[:, 0].numpy()
     counts = np.bincount(numbers.astype(np.int64) - 15, minlength=10)
     assert counts.min() > 1_800
     assert counts.max() < 2_200
@@ -69,16 +98,16 @@ def test_a_state_carries_over_contents_place_and_generator(capacity: int, count:
     replay, restored = filled(capacity, count, seed=5), filled(capacity, 0, seed=6)
     restored.set_state(replay.get_state())
     for number in range(count, count + more):
-        replay.add(**transition(number))
-        restored.add(**transition(number))
-    for mine, theirs in zip(replay.sample(16), restored.sample(16), strict=True):
+        replay.add(**transitions(number))
+        restored.add(**transitions(number))
+    for mine, theirs in zip(replay.sample(1)[0], restored.sample(1)[0], strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
 
 def test_a_state_does_not_change_with_the_memory() -> None:
     replay = filled(2, 2)
     state = replay.get_state()
-    replay.add(**transition(7))
+    replay.add(**transitions(7))
     assert state["fields"]["rewards"].tolist() == [0.0, -1.0]
 
 
@@ -95,20 +124,20 @@ def test_an_empty_memory_gives_no_batch() -> None:
 @pytest.mark.parametrize(
     "broken",
     [
-        {"reward": float("nan")},
-        {"reward": float("inf")},
-        {"next_observation": np.array([0, np.nan, 0], np.float32)},
-        {"next_mask": np.array([False, False])},
+        {"rewards": np.array([0.0, np.nan])},
+        {"rewards": np.array([np.inf, 0.0])},
+        {"next_observations": np.array([[0, 0, 0], [0, np.nan, 0]], np.float32)},
+        {"next_masks": np.array([[True, True], [False, False]])},
     ],
 )
 def test_broken_transitions_are_refused(broken: dict[str, Any]) -> None:
     replay = filled(4, 2)
     with pytest.raises(ValueError, match=r"not finite|no action|transition"):
-        replay.add(**transition(1) | broken)
+        replay.add(**transitions(1, 2) | broken)
     assert len(replay) == 2
 
 
 def test_a_terminal_state_may_offer_nothing() -> None:
     replay = filled(4, 0)
-    replay.add(**transition(0) | {"terminated": True, "next_mask": np.array([False, False])})
+    replay.add(**transitions(0) | {"terminated": np.array([True]), "next_masks": np.zeros((1, 2), np.bool_)})
     assert len(replay) == 1

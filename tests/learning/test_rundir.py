@@ -32,6 +32,7 @@ def event(episode: int, *, loss: float | None = 0.1) -> EpisodeEvent:
     )
     return EpisodeEvent(
         episode=episode,
+        finished=episode,
         total_steps=episode * 10,
         summary=summary,
         epsilon=0.1,

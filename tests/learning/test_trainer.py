@@ -1,16 +1,21 @@
+import dataclasses
 from collections.abc import Iterator
 
 import gymnasium
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drlsl.config import TrainConfig, make_config, merged
+from drlsl.driving.reward import TERMS
 from drlsl.errors import UserError
-from drlsl.learning.episode import EpisodeSummary
-from drlsl.learning.trainer import EpisodeEvent, StepEvent, Trainer, make_learner, resolve_device
+from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, episode_seed
+from drlsl.learning.trainer import EpisodeEvent, Trainer, make_learner, resolve_device
 
-from .fake import LANES, FakeHighway
+from .conftest import small_config
+from .fake import LANES, FakeHighway, FakeVector, fakes
 
 
 def changed(config: TrainConfig, **values: object) -> TrainConfig:
@@ -18,12 +23,17 @@ def changed(config: TrainConfig, **values: object) -> TrainConfig:
 
 
 def episodes(trainer: Trainer) -> Iterator[EpisodeEvent]:
-    return (event for event in trainer.run() if isinstance(event, EpisodeEvent))
+    return (episode for event in trainer.run() for episode in event.ended)
 
 
-def comparable(event: EpisodeEvent) -> tuple[object, ...]:
+def comparable(event: EpisodeEvent) -> EpisodeEvent:
     """All of an episode but its wall time."""
-    return (event.episode, event.total_steps, event.summary, event.epsilon, event.learning_rate, event.loss)
+    return dataclasses.replace(event, wall_s=0.0)
+
+
+def trained(config: TrainConfig) -> Trainer:
+    """A trainer in as many fake environments as its configuration asks for."""
+    return Trainer(fakes(config.num_envs), config)
 
 
 class Recorder(gymnasium.Wrapper):  # type: ignore[type-arg]  # its four parameters say nothing here
@@ -47,36 +57,55 @@ class Recorder(gymnasium.Wrapper):  # type: ignore[type-arg]  # its four paramet
         return result
 
 
-def test_the_shield_keeps_to_the_mask(tiny_config: TrainConfig) -> None:
-    env = Recorder(FakeHighway())
-    summaries = [event.summary for event in episodes(Trainer(env, tiny_config))]
-    assert all(mask[action] for action, mask in env.choices)
+@pytest.mark.parametrize("num_envs", [1, 3])
+def test_the_shield_keeps_to_the_mask(tiny_config: TrainConfig, num_envs: int) -> None:
+    envs = [Recorder(FakeHighway()) for _ in range(num_envs)]
+    config = changed(tiny_config, num_envs=num_envs)
+    summaries = [event.summary for event in episodes(Trainer(FakeVector(*envs), config))]
+    assert all(mask[action] for env in envs for action, mask in env.choices)
     assert not any(summary.off_road for summary in summaries)
     assert all(1.0 <= summary.mask_size <= LANES for summary in summaries)
 
 
 def test_plain_dqn_leaves_the_mask(tiny_config: TrainConfig) -> None:
     env = Recorder(FakeHighway())
-    summaries = [event.summary for event in episodes(Trainer(env, changed(tiny_config, method="dqn")))]
+    config = changed(tiny_config, method="dqn")
+    summaries = [event.summary for event in episodes(Trainer(FakeVector(env), config))]
     assert not all(mask[action] for action, mask in env.choices)
     assert all(summary.mask_size == 3.0 for summary in summaries)
 
 
-def test_each_step_and_each_episode_is_an_event(tiny_config: TrainConfig) -> None:
-    events = list(Trainer(FakeHighway(), tiny_config).run())
-    steps = [event for event in events if isinstance(event, StepEvent)]
-    over = [event for event in events if isinstance(event, EpisodeEvent)]
-    assert [event.total_steps for event in steps] == list(range(1, len(steps) + 1))
-    assert [event.episode for event in over] == [1, 2, 3, 4, 5, 6]
-    assert sum(event.summary.steps for event in over) == over[-1].total_steps == len(steps)
-    learning_starts = tiny_config.learning.learning_starts
-    assert [event.loss is not None for event in steps] == [
-        event.total_steps >= learning_starts for event in steps
-    ]
+@pytest.mark.parametrize("num_envs", [1, 4, 9])
+def test_every_step_is_counted_and_learnt_from_once(tiny_config: TrainConfig, num_envs: int) -> None:
+    trainer = trained(changed(tiny_config, num_envs=num_envs))
+    driven = 0
+    finished = []
+    for event in trainer.run():
+        taken = event.total_steps - driven
+        driven = event.total_steps
+        assert 1 <= taken <= num_envs
+        assert len(event.losses) == (taken if driven >= tiny_config.learning.learning_starts else 0)
+        finished += event.ended
+    assert sorted(event.episode for event in finished) == [1, 2, 3, 4, 5, 6]
+    assert [event.finished for event in finished] == [1, 2, 3, 4, 5, 6]
+    assert sum(event.summary.steps for event in finished) == driven == trainer.total_steps
+    assert finished[-1].total_steps == driven
 
 
-def test_an_episode_adds_up(tiny_config: TrainConfig) -> None:
-    for event in episodes(Trainer(FakeHighway(), changed(tiny_config, method="dqn"))):
+@pytest.mark.parametrize("num_envs", [1, 4])
+def test_an_episodes_loss_is_the_mean_over_its_updates(tiny_config: TrainConfig, num_envs: int) -> None:
+    config = changed(tiny_config, num_envs=num_envs)
+    losses: list[tuple[int, float]] = []
+    for step, event in enumerate(trained(config).run()):
+        losses += [(step, loss) for loss in event.losses]
+        for episode in event.ended:
+            mine = [loss for when, loss in losses if when > step - episode.summary.steps]
+            assert episode.loss == pytest.approx(np.mean(mine))
+
+
+@pytest.mark.parametrize("num_envs", [1, 3])
+def test_an_episode_adds_up(tiny_config: TrainConfig, num_envs: int) -> None:
+    for event in episodes(trained(changed(tiny_config, method="dqn", num_envs=num_envs))):
         summary: EpisodeSummary = event.summary
         terms = (
             summary.reward_lane_change,
@@ -94,39 +123,88 @@ def test_an_episode_adds_up(tiny_config: TrainConfig) -> None:
         assert summary.interventions <= summary.steps
 
 
-def test_rates_follow_their_schedules(tiny_config: TrainConfig) -> None:
-    rows = list(episodes(Trainer(FakeHighway(), tiny_config)))
-    assert [row.learning_rate for row in rows] == pytest.approx(np.linspace(0.01, 1e-4, 6))
-    assert [row.epsilon for row in rows] == pytest.approx(np.linspace(0.5, 0.001, 6))
+@pytest.mark.parametrize("method", ["dqn", "dqnsl"])
+def test_interventions_are_steps_whose_best_action_is_not_safe(tiny_config: TrainConfig, method: str) -> None:
+    starts = {"learning_starts": 10_000, "replay_capacity": 10_000}
+    envs = [Recorder(FakeHighway()) for _ in range(2)]
+    config = changed(tiny_config, method=method, num_envs=2, episodes=2, learning=starts)
+    trainer = Trainer(FakeVector(*envs), config)
+    trainer.agent.network.parameters.zero_()
+    trainer.agent.network.layers[-1].bias[2] = 1.0
+    for event in episodes(trainer):
+        env = envs[event.episode - 1]
+        masks = [mask for _, mask in env.choices[: event.summary.steps]]
+        assert event.summary.interventions == sum(not mask[2] for mask in masks)
+        assert event.loss is None
 
 
-def test_a_run_is_a_function_of_its_seed(tiny_config: TrainConfig) -> None:
-    first, second = (list(episodes(Trainer(FakeHighway(), tiny_config))) for _ in range(2))
-    other = list(episodes(Trainer(FakeHighway(), changed(tiny_config, seed=1))))
+@pytest.mark.parametrize("num_envs", [1, 4])
+def test_rates_follow_the_episodes_that_are_over(tiny_config: TrainConfig, num_envs: int) -> None:
+    config = changed(tiny_config, num_envs=num_envs)
+    rates, epsilons = np.linspace(0.01, 1e-4, 6), np.linspace(0.5, 0.001, 6)
+    over = 0
+    for event in trained(config).run():
+        for row in event.ended:
+            assert row.learning_rate == pytest.approx(rates[over])
+            assert row.epsilon == pytest.approx(epsilons[over])
+        over += len(event.ended)
+    assert over == 6
+
+
+@pytest.mark.parametrize("num_envs", [1, 3])
+def test_a_run_is_a_function_of_its_seed(tiny_config: TrainConfig, num_envs: int) -> None:
+    config = changed(tiny_config, num_envs=num_envs)
+    first, second = (list(episodes(trained(config))) for _ in range(2))
+    other = list(episodes(trained(changed(config, seed=1))))
     assert [comparable(event) for event in first] == [comparable(event) for event in second]
     assert [event.summary for event in first] != [event.summary for event in other]
 
 
-def test_episodes_have_different_seeds(tiny_config: TrainConfig) -> None:
-    env = Recorder(FakeHighway())
-    list(Trainer(env, tiny_config).run())
-    assert len(set(env.seeds)) == len(env.seeds) == 6
+@pytest.mark.parametrize("num_envs", [1, 4])
+def test_episodes_are_seeded_in_the_order_they_begin(tiny_config: TrainConfig, num_envs: int) -> None:
+    envs = [Recorder(FakeHighway()) for _ in range(num_envs)]
+    list(Trainer(FakeVector(*envs), changed(tiny_config, num_envs=num_envs)).run())
+    expected = [episode_seed(0, TRAINING_STREAM, index) for index in range(6)]
+    given = [seed for env in envs for seed in env.seeds]
+    assert set(expected) <= set(given)
+    assert [env.seeds[0] for env in envs] == expected[:num_envs]
+    # What is driven beyond them, while the last are still on their way, is not among them.
+    assert set(given) - set(expected) <= {episode_seed(0, TRAINING_STREAM, 6)}
+    assert all(given.count(seed) == 1 for seed in expected)
 
 
-def test_a_state_between_episodes_goes_on_bit_for_bit(tiny_config: TrainConfig) -> None:
-    whole = Trainer(FakeHighway(), tiny_config)
-    expected = [comparable(event) for event in episodes(whole)]
-    stopped = Trainer(FakeHighway(), tiny_config)
-    for event in stopped.run():
-        if isinstance(event, EpisodeEvent) and event.episode == 3:
-            break
-    resumed = Trainer(FakeHighway(), tiny_config)
-    resumed.set_state(stopped.get_state())
-    assert [comparable(event) for event in episodes(resumed)] == expected[3:]
-    for mine, theirs in zip(
-        whole.agent.network.parameters(), resumed.agent.network.parameters(), strict=True
-    ):
-        assert torch.equal(mine, theirs)
+@given(num_envs=st.integers(1, 5), stop_after=st.integers(0, 60))
+@settings(max_examples=25, deadline=None)
+def test_a_state_between_two_steps_goes_on_bit_for_bit(num_envs: int, stop_after: int) -> None:
+    config = changed(small_config(), num_envs=num_envs)
+    whole, stopped, resumed = trained(config), trained(config), trained(config)
+    events = list(whole.run())
+    for _ in zip(range(stop_after), stopped.run(), strict=False):
+        pass
+    state = stopped.get_state()
+    list(stopped.run())
+    resumed.set_state(state)
+    rest = list(resumed.run())
+    assert [event.losses for event in rest] == [event.losses for event in events[len(events) - len(rest) :]]
+    ended = [comparable(episode) for event in events for episode in event.ended]
+    again = [comparable(episode) for event in rest for episode in event.ended]
+    assert again == ended[len(ended) - len(again) :]
+    assert torch.equal(whole.agent.network.parameters, resumed.agent.network.parameters)
+    assert torch.equal(whole.agent.network.parameters, stopped.agent.network.parameters)
+
+
+def test_rules_that_changed_since_the_checkpoint_are_noticed(tiny_config: TrainConfig) -> None:
+    trainer = trained(tiny_config)
+    next(trainer.run())
+    changed_rules = Trainer(FakeVector(NoChoice()), tiny_config)
+    with pytest.raises(UserError, match="rules find other actions safe"):
+        changed_rules.set_state(trainer.get_state())
+
+
+def test_an_environment_that_resets_itself_is_refused(tiny_config: TrainConfig) -> None:
+    env = gymnasium.vector.SyncVectorEnv([FakeHighway])
+    with pytest.raises(TypeError, match="without autoreset"):
+        Trainer(env, tiny_config)  # type: ignore[arg-type]  # the point of the test
 
 
 class Corridor(gymnasium.Env[np.ndarray, int]):
@@ -146,7 +224,7 @@ class Corridor(gymnasium.Env[np.ndarray, int]):
         won = self._cell == 5
         info = {
             "action_mask": np.ones(3, np.int8),
-            "rewards": {"velocity": float(won)},
+            "rewards": dict.fromkeys(TERMS, 0.0) | {"velocity": float(won)},
             "lane_change": False,
             "contact": False,
             "off_road": False,
@@ -161,20 +239,21 @@ class Corridor(gymnasium.Env[np.ndarray, int]):
         return np.eye(6, dtype=np.float32)[self._cell]
 
 
-def test_it_learns_the_values_of_a_small_world(tiny_config: TrainConfig) -> None:
+@pytest.mark.parametrize("num_envs", [1, 4])
+def test_it_learns_the_values_of_a_small_world(tiny_config: TrainConfig, num_envs: int) -> None:
     config = changed(
         tiny_config,
         method="dqn",
+        num_envs=num_envs,
         episodes=150,
         network={"hidden": [32]},
         learning={"target_every": 50, "batch_size": 32, "learning_starts": 32, "replay_capacity": 1_000},
         schedule={"epsilon_start": 1.0, "epsilon_end": 0.2},
     )
-    trainer = Trainer(Corridor(), config)
+    trainer = Trainer(FakeVector(*(Corridor() for _ in range(num_envs))), config)
     last = list(episodes(trainer))[-1]
     assert last.summary.total_return == 1.0
-    for cell in range(5):
-        values = trainer.agent.policy.values(np.eye(6, dtype=np.float32)[cell])
+    for cell, values in enumerate(trainer.agent.policy.values(np.eye(6, dtype=np.float32)[:5])):
         assert values.argmax() == 2
         assert values[2] == pytest.approx(0.95 ** (4 - cell), abs=0.1)
 
@@ -191,23 +270,21 @@ class Blind(FakeHighway):
 
 def test_an_empty_mask_stops_the_run(tiny_config: TrainConfig) -> None:
     with pytest.raises(ValueError, match="no action is offered"):
-        list(Trainer(NoChoice(), tiny_config).run())
+        list(Trainer(FakeVector(NoChoice()), tiny_config).run())
 
 
 def test_a_blind_environment_stops_the_run(tiny_config: TrainConfig) -> None:
     with pytest.raises(ValueError, match="not finite"):
-        list(Trainer(Blind(), tiny_config).run())
+        list(Trainer(FakeVector(Blind()), tiny_config).run())
 
 
 def test_spaces_that_do_not_fit_are_refused(tiny_config: TrainConfig) -> None:
     env = FakeHighway()
-    env.action_space = gymnasium.spaces.Box(-1.0, 1.0)  # type: ignore[assignment]
+    box = gymnasium.spaces.Box(-1.0, 1.0)
     with pytest.raises(TypeError, match="discrete"):
-        make_learner(env, tiny_config)
-    env = FakeHighway()
-    env.observation_space = gymnasium.spaces.Box(0, 1, (4, 4))
+        make_learner(env.observation_space, box, tiny_config)
     with pytest.raises(TypeError, match="vector"):
-        make_learner(env, tiny_config)
+        make_learner(gymnasium.spaces.Box(0, 1, (4, 4)), env.action_space, tiny_config)
 
 
 def test_a_device_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,19 +315,29 @@ class Diary(FakeHighway):
         return observation, reward, terminated, truncated, info
 
 
+@pytest.mark.parametrize("num_envs", [1, 4])
 @pytest.mark.parametrize("method", ["dqn", "dqnsl"])
-def test_what_is_stored_is_what_happened(tiny_config: TrainConfig, method: str) -> None:
-    env = Diary()
-    config = changed(tiny_config, method=method, episodes=12, learning={"replay_capacity": 1_000})
-    trainer = Trainer(env, config)
+def test_what_is_stored_is_what_happened(tiny_config: TrainConfig, method: str, num_envs: int) -> None:
+    envs = [Diary() for _ in range(num_envs)]
+    capacity = {"replay_capacity": 1_000}
+    config = changed(tiny_config, method=method, episodes=12, learning=capacity, num_envs=num_envs)
+    trainer = Trainer(FakeVector(*envs), config)
     list(trainer.run())
-    assert {"terminated", "truncated"} <= set(env.ends) or method == "dqn"
+    assert {"terminated", "truncated"} <= {end for env in envs for end in env.ends} or method == "dqn"
     fields = {name: value.numpy() for name, value in trainer.get_state()["replay"]["fields"].items()}
-    observations, actions, rewards, next_observations, terminated, masks = zip(*env.seen, strict=True)
-    np.testing.assert_array_equal(fields["observations"], observations)
-    np.testing.assert_array_equal(fields["actions"], actions)
-    np.testing.assert_allclose(fields["rewards"], rewards, rtol=1e-6)
-    np.testing.assert_array_equal(fields["next_observations"], next_observations)
-    np.testing.assert_array_equal(fields["terminated"], terminated)
-    offered = np.ones_like(masks) if method == "dqn" else masks
-    np.testing.assert_array_equal(fields["next_masks"], offered)
+    stored = {_key(*row) for row in zip(*fields.values(), strict=True)}
+    happened = {
+        _key(seen[0], *seen[1:5], np.ones_like(seen[5]) if method == "dqn" else seen[5])
+        for env in envs
+        for seen in env.seen
+    }
+    assert len(fields["rewards"]) == trainer.total_steps
+    # What is driven for nothing while the last episodes are on their way is not stored.
+    assert stored == happened if num_envs == 1 else stored < happened
+    if num_envs == 1:
+        np.testing.assert_array_equal(fields["actions"], [seen[1] for seen in envs[0].seen])
+
+
+def _key(*fields: object) -> tuple[bytes, ...]:
+    kinds = (np.float32, np.int64, np.float32, np.float32, np.bool_, np.bool_)
+    return tuple(np.asarray(field, kind).tobytes() for field, kind in zip(fields, kinds, strict=True))

@@ -1,0 +1,192 @@
+"""N environments that are driven in step, each in an episode of its own."""
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any, NamedTuple, Protocol
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from drlsl.errors import UserError
+from drlsl.learning.checkpoint import as_arrays, as_tensors
+from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, EpisodeTally, Mask, episode_seed
+
+Observations = NDArray[np.float32]
+Actions = NDArray[np.int64]
+
+
+class VectorHighway(Protocol):
+    """What is asked of an environment to train in: Gymnasium's VectorEnv, and a state to go on from."""
+
+    num_envs: int
+    metadata: dict[str, Any]
+    single_observation_space: gymnasium.Space[Any]
+    single_action_space: gymnasium.Space[Any]
+
+    def reset(
+        self, *, seed: Sequence[int | None], options: dict[str, Any]
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode in every environment that `options["reset_mask"]` marks."""
+
+    def step(self, actions: Actions) -> tuple[Observations, NDArray[np.float64], Mask, Mask, dict[str, Any]]:
+        """Drive a step; the arrays are new ones."""
+
+    def get_state(self) -> dict[str, Any]:
+        """All that the next steps depend on, in arrays and plain types."""
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave."""
+
+    def action_masks(self) -> Mask:
+        """What the rules derive to be safe now. Shape: (N, A)."""
+
+
+class Outcome(NamedTuple):
+    """What a step led to. Shapes: (N,); only the rows of environments in an episode mean something."""
+
+    rewards: NDArray[np.float64]
+    terminated: Mask
+    over: Mask
+    info: dict[str, Any]
+
+
+class Ended(NamedTuple):
+    """An episode that is over."""
+
+    episode: int
+    """Its number, from 1, in the order of beginning."""
+    summary: EpisodeSummary
+    loss: float | None
+    wall_s: float
+
+
+class Fleet:
+    """N environments, each in an episode of its own, until a number of episodes is driven.
+
+    Episodes are numbered as they begin, and each is a function of the run's seed, its number and the actions
+    taken. When no episode is left to begin, an environment drives on for nothing until the others are done.
+    """
+
+    def __init__(self, env: VectorHighway, *, episodes: int, seed: int) -> None:
+        if env.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
+            raise TypeError(f"expected an environment without autoreset, got {env.metadata}")
+        size, count = space_sizes(env.single_observation_space, env.single_action_space)
+        self._env = env
+        self._episodes = episodes
+        self._seed = seed
+        self.observations = np.zeros((env.num_envs, size), np.float32)
+        """What each environment shows now. Shape: (N, S)."""
+        self.safe = np.zeros((env.num_envs, count), np.bool_)
+        """What the rules derive to be safe now. Shape: (N, A)."""
+        self._counted = np.zeros(env.num_envs, np.bool_)
+        self._over = np.ones(env.num_envs, np.bool_)
+        self._numbers = np.zeros(env.num_envs, np.int64)
+        self._started = np.zeros(env.num_envs)
+        self._tally = EpisodeTally(env.num_envs)
+        self._begun = 0
+        self.finished = 0
+
+    def begin(self) -> None:
+        """Begin the next episode wherever one is over."""
+        if not self._over.any():
+            return
+        seeds: list[int | None] = [None] * len(self._over)
+        for index in np.flatnonzero(self._over).tolist():
+            seeds[index] = episode_seed(self._seed, TRAINING_STREAM, self._begun)
+            self._counted[index] = self._begun < self._episodes
+            self._begun += int(self._counted[index])
+            self._numbers[index] = self._begun
+            self._started[index] = perf_counter()
+            self._tally.clear(index)
+        observations, info = self._env.reset(seed=seeds, options={"reset_mask": self._over})
+        self.observations = np.where(self._over[:, None], observations, self.observations)
+        self.safe = np.where(self._over[:, None], info["action_mask"].astype(np.bool_), self.safe)
+        self._over = np.zeros_like(self._over)
+
+    def rows(self) -> slice | NDArray[np.int64]:
+        """The environments that are in an episode."""
+        return slice(None) if self._counted.all() else np.flatnonzero(self._counted)
+
+    def step(self, actions: Actions) -> Outcome:
+        """Drive every environment one step. Shape: (N,)."""
+        self.observations, rewards, terminated, truncated, info = self._env.step(actions)
+        self.safe = info["action_mask"].astype(np.bool_)
+        self._over = terminated | truncated
+        return Outcome(rewards, terminated, self._over, info)
+
+    def count(
+        self, outcome: Outcome, offered: Mask, intervened: Mask, losses: Sequence[float]
+    ) -> list[Ended]:
+        """Add a step, and the updates that it led to, to the episodes; gives those that ended with it."""
+        self._tally.add(outcome.rewards, outcome.info, offered, intervened)
+        self._tally.add_losses(losses)
+        if not outcome.over.any():
+            return []
+        ended = []
+        for index in np.flatnonzero(outcome.over & self._counted).tolist():
+            ended.append(
+                Ended(
+                    episode=int(self._numbers[index]),
+                    summary=self._tally.summary(index, outcome.info),
+                    loss=self._tally.loss(index),
+                    wall_s=perf_counter() - float(self._started[index]),
+                )
+            )
+            self._counted[index] = False
+        self.finished += len(ended)
+        return ended
+
+    def get_state(self) -> dict[str, Any]:
+        """All that the next steps depend on, in plain types and tensors."""
+        state: dict[str, Any] = as_tensors(
+            {
+                "begun": self._begun,
+                "finished": self.finished,
+                "observations": self.observations,
+                "safe": self.safe,
+                "counted": self._counted,
+                "over": self._over,
+                "numbers": self._numbers,
+                "tally": self._tally.sums,
+                "elapsed_s": perf_counter() - self._started,
+                # Before the first episodes begin there is nothing to go on from.
+                "env": self._env.get_state() if self._begun else None,
+            }
+        )
+        return state
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave.
+
+        Raises:
+            UserError: the rules or the recording are not what they were.
+        """
+        held = as_arrays(state)
+        self._begun, self.finished = held["begun"], held["finished"]
+        self.observations, self.safe = held["observations"], held["safe"]
+        self._counted, self._over, self._numbers = held["counted"], held["over"], held["numbers"]
+        self._tally.sums[:] = held["tally"]
+        self._started = perf_counter() - held["elapsed_s"]
+        if held["env"] is None:
+            return
+        self._env.set_state(held["env"])
+        if not np.array_equal(self._env.action_masks()[~self._over], self.safe[~self._over]):
+            raise UserError(
+                "the rules find other actions safe than they did when the checkpoint was written: "
+                "put the rules and the recording back as they were, or use --force"
+            )
+
+
+def space_sizes(observations: gymnasium.Space[Any], actions: gymnasium.Space[Any]) -> tuple[int, int]:
+    """How many values are observed, and how many actions there are.
+
+    Raises:
+        TypeError: the spaces are not a vector of observed values and discrete actions.
+    """
+    if not (isinstance(observations, gymnasium.spaces.Box) and len(observations.shape) == 1):
+        raise TypeError(f"expected a vector of observed values, got {observations}")
+    if not isinstance(actions, gymnasium.spaces.Discrete):
+        raise TypeError(f"expected discrete actions, got {actions}")
+    return observations.shape[0], int(actions.n)
