@@ -28,6 +28,7 @@ from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.schema import FLOAT32_BOUND, INT_BOUND, Relation, Schema
 from drlsl.logic.lowering.torch_backend import TorchProgram, compile_torch
 from tests.lowering import programs
+from tests.lowering.test_lower import engine_of
 from tests.lowering.tiers import Program, to_rows
 
 RULES = Path(__file__).parents[2] / "rules"
@@ -182,30 +183,45 @@ UNSOUND = [
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("ready", [False, True])
-def test_unsound_facts_are_left_to_the_interpreter(device: str, ready: bool) -> None:
+@pytest.mark.parametrize(("key", "place", "value"), UNSOUND)
+def test_unsound_facts_are_left_to_the_interpreter(
+    key: tuple[str, int], place: int, value: float, ready: bool, device: str
+) -> None:
     code = lowered("highway.pl")
     ours, theirs = compile_torch(code, device=device), compile_numpy(code)
-    scenes = random_scenes(3 * len(UNSOUND) + 3, 9)
-    facts = rows_of(ours, scenes)
-    for n, (key, place, value) in enumerate(UNSOUND):
-        column, single = facts[key].columns[place], SCHEMA.relations[key].single
-        assert column is not None
-        column[3 * n if single else (3 * n, 2)] = value
-        if not single:  # the same in a row that is not there, which is no matter
-            column[3 * n + 1, 2] = value
-            valid = facts[key].valid
-            assert valid is not None
-            valid[3 * n + 1, 2] = False
-    last = 3 * len(UNSOUND)
-    facts["vehicle", 8].valid[last, 0] = False  # type: ignore[index]  # no ego
-    facts["target_lane", 1].valid[last + 1] = False  # type: ignore[index]
+    facts = rows_of(ours, random_scenes(4, 9))
+    column, valid = facts[key].columns[place], facts[key].valid
+    assert column is not None
+    assert valid is not None
+    if SCHEMA.relations[key].single:
+        column[1] = value
+    else:
+        column[1, 2] = value
+        column[2, 2] = value  # in a row that is not there, which is no matter
+        valid[2, 2] = False
+    assert_undecided(ours, facts, [1], ready=ready)
+    assert_same(ours(facts), theirs(facts))
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("ready", [False, True])
+def test_missing_facts_are_left_to_the_interpreter(ready: bool, device: str) -> None:
+    code = lowered("highway.pl")
+    ours, theirs = compile_torch(code, device=device), compile_numpy(code)
+    for key, here in ((("vehicle", 8), (1, 0)), (("target_lane", 1), (1,))):
+        facts = rows_of(ours, random_scenes(4, 9))
+        facts[key].valid[here] = False  # type: ignore[index]  # there is one
+        assert_undecided(ours, facts, [1], ready=ready)
+        assert_same(ours(facts), theirs(facts))
+    nobody = Rows([column[:, :0] for column in facts["vehicle", 8].columns if column is not None])
+    assert_undecided(ours, {**facts, ("vehicle", 8): nobody}, [0, 1, 2, 3], ready=ready)
+
+
+def assert_undecided(program: TorchProgram, facts: Facts, scenes: list[int], *, ready: bool) -> None:
     given: dict[tuple[str, int], Any] = dict(facts)
     if ready:
-        given = {key: ours.table(*key, rows) for key, rows in facts.items() if key in ours.reads}
-    result = ours(given)
-    doubted = [3 * n for n in range(len(UNSOUND))] + [last, last + 1]
-    assert host(result.undecided).nonzero()[0].tolist() == doubted
-    assert_same(result, theirs(facts))
+        given = {key: program.table(*key, rows) for key, rows in facts.items() if key in program.reads}
+    assert host(program(given).undecided).nonzero()[0].tolist() == scenes
 
 
 KEYED = Schema([Relation("car", ("atom", "float"), key=0), Relation("spot", ("int",))])
@@ -213,8 +229,7 @@ KEYED = Schema([Relation("car", ("atom", "float"), key=0), Relation("spot", ("in
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_keys_that_repeat(device: str) -> None:
-    engine = Engine()
-    engine.consult_text("p(C) :- car(C, X), X > 0.0.")
+    engine = engine_of("p(C) :- car(C, X), X > 0.0.")
     ours = compile_torch(lower(engine, KEYED, [Query("p", 1, "first")]), device=device)
     keys = np.array([[3, 5, 3], [3, 5, 3], [5, 3, 4], [0, 0, 0], [0, 0, 0]])
     valid = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 1], [0, 0, 0], [0, 1, 1]], dtype=np.bool_)
@@ -259,8 +274,7 @@ def test_a_device_is_never_waited_for() -> None:
 
 def all_lowered(program: tuple[str, list[tuple[str, int]]]) -> list[Lowered]:
     text, predicates = program
-    engine = Engine()
-    engine.consult_text(text)
+    engine = engine_of(text)
     found = []
     for name, arity in predicates:
         for mode in ("holds",) if arity == 0 else ("first", "all"):
@@ -423,16 +437,31 @@ SINGLE = Schema([Relation("limit", ("float",), single=True), Relation("spot", ("
 
 
 @pytest.mark.parametrize("compiled", [compile_numpy, compile_torch])
-def test_what_float32_cannot_hold_is_left_to_the_interpreter(compiled: Any) -> None:
-    engine = Engine()
-    engine.consult_text("p(X) :- limit(L), X is exp(L).  q(X) :- limit(L), X is L + 1.0.")
-    code = lower(engine, SINGLE, [Query("p", 1, "first"), Query("q", 1, "first")])
+@pytest.mark.parametrize(
+    ("text", "unsure"),
+    [
+        ("p(X) :- limit(L), X is exp(L).", [False, False, True, True, True, True]),
+        ("p(X) :- limit(L), X is L + 1.0.", [False, False, False, True, True, True]),
+    ],
+)
+def test_what_float32_cannot_hold_is_left_to_the_interpreter(
+    text: str, unsure: list[bool], compiled: Any
+) -> None:
+    code = lower(engine_of(text), SINGLE, [Query("p", 1, "first")])
     limits = np.array([1.0, 80.0, 90.0, FLOAT32_BOUND + 2.0, 1e300, -math.inf])
-    given = {("limit", 1): Rows([limits])}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert host(compiled(code, "float32")(given).undecided).tolist() == [False, False] + [True] * 4
-    assert host(compiled(code)(given).undecided).tolist() == [False] * 3 + [True] * 3
+        result = compiled(code, "float32")({("limit", 1): Rows([limits])})
+    assert host(result.undecided).tolist() == unsure
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("dtype", PRECISIONS)
+@pytest.mark.parametrize("expression", ["3.0 / L", "L / 12.0", "sqrt(L) / 0.7", "L * L + 1.0 / L"])
+def test_quotients_are_rounded_once(expression: str, dtype: Precision, device: str) -> None:
+    code = lower(engine_of(f"p(X) :- limit(L), X is {expression}."), SINGLE, [Query("p", 1, "first")])
+    facts = {("limit", 1): Rows([np.random.default_rng(3).uniform(0.1, 99.0, 5001)])}
+    assert_same(compile_torch(code, dtype, device)(facts), compile_numpy(code, dtype)(facts))
 
 
 # ---------------------------------------------------------------- refusals
@@ -463,8 +492,7 @@ def test_a_precision_that_there_is_not(compiled: Any) -> None:
     ],
 )
 def test_facts_that_do_not_fit(place: int, column: Any, message: str) -> None:
-    engine = Engine()
-    engine.consult_text("p :- spot(N, X), N > 1, X > 0.5.")
+    engine = engine_of("p :- spot(N, X), N > 1, X > 0.5.")
     program = compile_torch(lower(engine, SINGLE, [Query("p", 0, "holds")]))
     columns: list[Any] = [torch.zeros((2, 3), dtype=torch.int64), torch.zeros((2, 3))]
     columns[place] = column
@@ -473,8 +501,7 @@ def test_facts_that_do_not_fit(place: int, column: Any, message: str) -> None:
 
 
 def test_a_number_of_more_than_64_bits_has_no_form_in_arrays() -> None:
-    engine = Engine()
-    engine.consult_text("p :- spot(N, _), N \\= 100000000000000000000000.")
+    engine = engine_of("p :- spot(N, _), N \\= 100000000000000000000000.")
     code = lower(engine, SINGLE, [Query("p", 0, "holds")])
     for compiled in (compile_numpy, compile_torch):
         with pytest.raises(NotLowerable, match="more than 64 bits"):

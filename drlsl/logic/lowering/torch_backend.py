@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from drlsl.logic.lowering.batch_program import BatchResult, Kind, Precision, Rows, Table, TextProgram
+from drlsl.logic.lowering.batch_program import Kind, Precision, Rows, Table, TextProgram
 from drlsl.logic.lowering.lower import Lowered
 from drlsl.logic.lowering.numpy_backend import is_of
 from drlsl.logic.lowering.schema import INT_BOUND, Relation
@@ -59,10 +59,6 @@ class TorchProgram(TextProgram[Tensor]):
 
     def _table(self, relation: Relation, used: Sequence[int], rows: Rows) -> TorchTable:
         return TorchTable(relation, used, rows, self._bound, self._kinds, self.device)
-
-    def _chunk(self, tables: Mapping[Any, Table], scenes: int) -> BatchResult[Tensor]:
-        with torch.no_grad():
-            return super()._chunk(tables, scenes)
 
     def _ops(self, scenes: int) -> Ops:
         return Ops(self._kinds["float"], self.device, scenes, self._constants)
