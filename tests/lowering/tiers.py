@@ -142,31 +142,33 @@ class Tiers:
             assert not isinstance(wanted, Exception), (
                 f"{self.query}: {wanted!r} went unnoticed in {tier}, facts {facts!r}"
             )
-            given = self._array_value(program, value[n], bool(fails[n]))
-            loose = self._expected(program, wanted)
+            given = array_value(program, self.query, value[n], bool(fails[n]))
+            loose = expected_value(program, self.query, wanted)
             assert given == loose, f"{self.query}: interpreter {loose!r}, {tier} {given!r}, facts {facts!r}"
 
-    def _array_value(self, program: Program, value: Any, fails: bool) -> Any:
-        if self.query.mode == "holds":
-            return bool(value)
-        if self.query.mode == "first":
-            return None if fails else value.tolist()
-        return sorted(
-            (item for item, there in zip(program.choices[self.query], value, strict=True) if there),
-            key=repr,
-        )
 
-    def _expected(self, program: Program, value: Any) -> Any:
-        """The interpreter's answer in the form that arrays have: atoms as codes, no tuples."""
-        if self.query.mode in ("set", "all"):
-            return sorted(_distinct(value), key=repr)
-        if isinstance(value, str):
-            return program.code(value)
-        if isinstance(value, tuple):
-            return [
-                part
-                for item in value
-                for given in (self._expected(program, item),)
-                for part in (given if isinstance(given, list) else [given])
-            ]
-        return [self._expected(program, item) for item in value] if isinstance(value, list) else value
+def array_value(program: Program, query: Query, value: Any, fails: bool) -> Any:
+    """An answer in arrays as numbers, and the solutions among the choices in any order."""
+    if query.mode == "holds":
+        return bool(value)
+    if query.mode == "first":
+        return None if fails else value.tolist()
+    return sorted(
+        (item for item, there in zip(program.choices[query], value, strict=True) if there), key=repr
+    )
+
+
+def expected_value(program: Program, query: Query, value: Any) -> Any:
+    """The interpreter's answer in the form that arrays have: atoms as codes, no tuples."""
+    if query.mode in ("set", "all"):
+        return sorted(_distinct(value), key=repr)
+    if isinstance(value, str):
+        return program.code(value)
+    if isinstance(value, tuple):
+        return [
+            part
+            for item in value
+            for given in (expected_value(program, query, item),)
+            for part in (given if isinstance(given, list) else [given])
+        ]
+    return [expected_value(program, query, item) for item in value] if isinstance(value, list) else value

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, Literal, TypeAlias
 
 from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.forms import Form, array_forms
+from drlsl.logic.lowering.forms import Form, array_forms, atom_codes
 from drlsl.logic.lowering.ir import Node, relation_of
 from drlsl.logic.lowering.loop_ops import MATH, NO_INTEGER, OPS
 from drlsl.logic.lowering.loops import LoopPrinter
@@ -102,7 +102,7 @@ class ArrayLoopPrinter(LoopPrinter):
         self.undecided = lowered.pool.or_(answer.undecided for answer in lowered.answers)
         roots = [self.undecided, *(root for form in self.forms for root in form.roots)]
         super().__init__(lowered.pool, Names(_RESERVED), roots)
-        self.codes: dict[str, int] = {}
+        self.codes = atom_codes(lowered, roots)
         read = self.columns()
         relations = [relation for relation in lowered.schema.relations.values() if relation in read]
         self.given = {relation: self._given(relation, read[relation]) for relation in relations}
@@ -307,7 +307,7 @@ class ArrayLoopPrinter(LoopPrinter):
         return text, own
 
     def atom(self, name: str) -> str:
-        return str(self.codes.setdefault(name, len(self.codes)))
+        return str(self.codes[name])
 
     def integer(self, value: int) -> str:
         if abs(value) > NO_INTEGER:

@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from drlsl.logic.lowering.forms import array_forms
+from drlsl.logic.lowering.forms import array_forms, atom_codes
 from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
 from drlsl.logic.lowering.lower import Lowered
 from drlsl.logic.lowering.names import Names
@@ -76,7 +76,6 @@ class ArrayPrinter:
     def __init__(self, lowered: Lowered) -> None:
         self.lowered = lowered
         self.pool: Pool = lowered.pool
-        self.codes: dict[str, int] = {}
         self.columns: dict[Relation, set[int]] = {}  # what the function reads
         forms = array_forms(lowered)
         self.shapes = {
@@ -88,6 +87,7 @@ class ArrayPrinter:
         undecided = self.pool.or_(answer.undecided for answer in lowered.answers)
         self._groups = [[undecided], *(list(form.roots) for form in forms)]
         self._results = [root for group in self._groups for root in group]
+        self.codes = atom_codes(lowered, self._results)
         self._sparse = plan_sparse(self.pool, self._results)
         self._masks = Conjunctions(self.pool, self._results, self._sparse)
         self._twins = self._find_twins()
@@ -395,7 +395,7 @@ class ArrayPrinter:
 
     def _constant(self, node: Node) -> tuple[str, int]:
         if isinstance(node.data, Atom):
-            return str(self.codes.setdefault(node.data.name, len(self.codes))), _ATOMIC
+            return str(self.codes[node.data.name]), _ATOMIC
         if isinstance(node.data, bool):
             return f"xp.{str(node.data).lower()}", _ATOMIC
         return repr(node.data), _ATOMIC if node.data >= 0 else _UNARY

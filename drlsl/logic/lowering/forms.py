@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -48,6 +48,13 @@ def array_forms(lowered: Lowered) -> tuple[Form, ...]:
             if node.is_const and isinstance(node.data, int) and not -_MOST <= node.data <= _MOST:
                 raise NotLowerable(str(form.query), None, f"{node.data} has more than 64 bits")
     return forms
+
+
+def atom_codes(lowered: Lowered, roots: Iterable[Node]) -> dict[str, int]:
+    """The integers that stand for atoms in arrays, the same in every back end."""
+    first = [relation.first for relation in lowered.schema.relations.values() if relation.first is not None]
+    named = [node.data.name for node in reach(roots) if node.op == "const" and isinstance(node.data, Atom)]
+    return {atom: code for code, atom in enumerate(dict.fromkeys([*first, *named]))}
 
 
 def _form(pool: Pool, answer: Answer) -> Form:
