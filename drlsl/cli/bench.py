@@ -74,5 +74,30 @@ def rules(runs: Runs = 5, as_json: AsJson = False) -> None:
         print(f"  {tier:<14} {value:8.2f}")
 
 
+@app.command()
+def train(
+    runs: Runs = 5,
+    num_envs: Annotated[int, typer.Option(min=1, help="Environments driven in step.")] = 16,
+    as_json: AsJson = False,
+) -> None:
+    """Measure training in updates a second, beside its bare updates and Stable-Baselines3 where it is there.
+
+    There is one update per step. A training is measured with all that belongs to it: environments, rules,
+    acting, replay memory. The bare update has its minibatch ready.
+    """
+    from drlsl.learning.bench import training_speeds
+
+    speeds = training_speeds(runs, num_envs)
+    if as_json:
+        print(json.dumps(speeds, indent=2))
+        return
+    print(f"updates a second, batch {speeds['batch_size']}, one CPU thread, {num_envs} environments in step")
+    print(f"  bare updates           {speeds['bare_updates_per_s']:8.1f}")
+    print(f"  training, dqnsl        {speeds['updates_per_s']:8.1f}   {speeds['ratio']:.3f} of bare")
+    if "stable_baselines3_updates_per_s" in speeds:
+        other, ratio = speeds["stable_baselines3_updates_per_s"], speeds["stable_baselines3_ratio"]
+        print(f"  Stable-Baselines3 DQN  {other:8.1f}   training is {ratio:.2f} times as fast")
+
+
 def _milliseconds(seconds: float | None) -> str:
     return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"

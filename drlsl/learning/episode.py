@@ -1,6 +1,6 @@
 """One episode: how it is seeded, which actions it offers, and what is counted."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,8 +78,6 @@ _COUNTED = (
     "offered",
     "interventions",
     "fail_safe",
-    "loss",
-    "updates",
 )
 """What a tally adds up in every episode."""
 
@@ -106,16 +104,6 @@ class EpisodeTally:
         rows["offered"] += offered.sum(axis=1)
         rows["interventions"] += intervened
         rows["fail_safe"] += info["fail_safe"]
-
-    def add_losses(self, losses: Sequence[float]) -> None:
-        """Count the updates of a step for every episode in which it was taken."""
-        self._rows["loss"] += sum(losses)
-        self._rows["updates"] += len(losses)
-
-    def loss(self, index: int) -> float | None:
-        """Mean over an episode's updates; None without one."""
-        updates = float(self._rows["updates"][index])
-        return float(self._rows["loss"][index]) / updates if updates else None
 
     def summary(self, index: int, info: Mapping[str, Any]) -> EpisodeSummary:
         """Close an episode with the info of its last step."""

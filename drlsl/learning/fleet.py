@@ -62,6 +62,18 @@ class Ended(NamedTuple):
     wall_s: float
 
 
+class _Learnt(NamedTuple):
+    """All updates so far, and their losses added up."""
+
+    updates: int
+    loss: float
+
+    def mean_since(self, before: "_Learnt") -> float | None:
+        """The mean loss of the updates since; None without one."""
+        updates = self.updates - before.updates
+        return (self.loss - before.loss) / updates if updates else None
+
+
 class Fleet:
     """N environments, each in an episode of its own, until a number of episodes is driven.
 
@@ -85,6 +97,8 @@ class Fleet:
         self._numbers = np.zeros(env.num_envs, np.int64)
         self._started = np.zeros(env.num_envs)
         self._tally = EpisodeTally(env.num_envs)
+        self._learnt = _Learnt(0, 0.0)
+        self._learnt_before = [self._learnt] * env.num_envs
         self._begun = 0
         self.finished = 0
 
@@ -100,6 +114,7 @@ class Fleet:
             self._numbers[index] = self._begun
             self._started[index] = perf_counter()
             self._tally.clear(index)
+            self._learnt_before[index] = self._learnt
         observations, info = self._env.reset(seed=seeds, options={"reset_mask": self._over})
         self.observations = np.where(self._over[:, None], observations, self.observations)
         self.safe = np.where(self._over[:, None], info["action_mask"].astype(np.bool_), self.safe)
@@ -121,7 +136,7 @@ class Fleet:
     ) -> list[Ended]:
         """Add a step, and the updates that it led to, to the episodes; gives those that ended with it."""
         self._tally.add(outcome.rewards, outcome.info, offered, intervened)
-        self._tally.add_losses(losses)
+        self._learnt = _Learnt(self._learnt.updates + len(losses), self._learnt.loss + sum(losses))
         if not outcome.over.any():
             return []
         ended = []
@@ -130,7 +145,7 @@ class Fleet:
                 Ended(
                     episode=int(self._numbers[index]),
                     summary=self._tally.summary(index, outcome.info),
-                    loss=self._tally.loss(index),
+                    loss=self._learnt.mean_since(self._learnt_before[index]),
                     wall_s=perf_counter() - float(self._started[index]),
                 )
             )
@@ -150,6 +165,8 @@ class Fleet:
                 "over": self._over,
                 "numbers": self._numbers,
                 "tally": self._tally.sums,
+                "learnt": tuple(self._learnt),
+                "learnt_before": [tuple(one) for one in self._learnt_before],
                 "elapsed_s": perf_counter() - self._started,
                 # Before the first episodes begin there is nothing to go on from.
                 "env": self._env.get_state() if self._begun else None,
@@ -168,6 +185,8 @@ class Fleet:
         self.observations, self.safe = held["observations"], held["safe"]
         self._counted, self._over, self._numbers = held["counted"], held["over"], held["numbers"]
         self._tally.sums[:] = held["tally"]
+        self._learnt = _Learnt(*held["learnt"])
+        self._learnt_before = [_Learnt(*one) for one in held["learnt_before"]]
         self._started = perf_counter() - held["elapsed_s"]
         if held["env"] is None:
             return

@@ -52,6 +52,9 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
         info = self._info(rewards, changed=action != 0, contact=contact, off_road=off_road)
         return self._observation(), sum(rewards.values()), terminated, truncated, info
 
+    def action_masks(self) -> NDArray[np.bool_]:
+        return self._mask().astype(np.bool_)
+
     def get_state(self) -> dict[str, Any]:
         return {
             "x": self._x,
@@ -114,7 +117,7 @@ class FakeVector(SyncVectorEnv):
         self._env_obs = list(state["seen"])
 
     def action_masks(self) -> NDArray[np.bool_]:
-        return np.array([env.unwrapped._mask() for env in self.envs]).astype(np.bool_)
+        return np.array([env.unwrapped.action_masks() for env in self.envs])
 
 
 def fakes(count: int, track_length: float = 840.0) -> FakeVector:
