@@ -116,6 +116,7 @@ def _stable_baselines3(config: TrainConfig) -> Measurement:
         seed=config.seed,
         device="cpu",
     )
+    model.learn(2 * learning.learning_starts)
 
     def measure() -> float:
         before, started = model._n_updates, perf_counter()
