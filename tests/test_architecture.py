@@ -13,6 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "drlsl"
 ORDER = ["errors", "logic", "traffic", "driving", "assurance", "config", "learning", "cli"]
 ALLOWED_IN_LOGIC = {"llvmlite", "numba", "numpy", "torch"}
+TORCH_BACK_END = {"torch_backend.py", "torch_ops.py"}
 
 
 def imports(path: Path) -> Iterator[tuple[str, bool]]:
@@ -60,6 +61,8 @@ def test_logic_imports_the_standard_library_only(path: Path) -> None:
             assert module.startswith("drlsl.logic"), f"{path} imports {module}"
         elif not (array_back_end and top in ALLOWED_IN_LOGIC):
             assert top in sys.stdlib_module_names, f"{path} imports {module}"
+        if top == "torch":
+            assert path.name in TORCH_BACK_END, f"{path} imports {module}"
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "driving").rglob("*.py")), ids=lambda path: path.name)
@@ -82,6 +85,13 @@ def loaded_by(code: str) -> set[str]:
 
 def test_the_command_line_starts_light() -> None:
     assert loaded_by("import drlsl.cli").isdisjoint({"torch", "pandas", "matplotlib", "gymnasium", "numpy"})
+
+
+def test_no_other_back_end_loads_torch() -> None:
+    modules = sorted((PACKAGE / "logic" / "lowering").glob("*.py"))
+    names = [f"drlsl.logic.lowering.{path.stem}" for path in modules if path.name not in TORCH_BACK_END]
+    names = [name for name in names if "numba" not in name]  # an extra
+    assert "torch" not in loaded_by(f"import {', '.join(names)}")
 
 
 def test_a_query_stays_light() -> None:

@@ -1,0 +1,55 @@
+"""Print how far the answers in float32 are from those in float64 on random scenes.
+
+Torch in float32 gives the bits of NumPy in float32 on a processor, so NumPy stands for both.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from drlsl.driving.batch import SceneBatch
+from drlsl.driving.bench import array_facts, random_scenes
+from drlsl.driving.lowered import FREE, SCHEMA, SPEED, STATE
+from drlsl.logic import Engine
+from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.numpy_backend import ArrayProgram, compile_numpy
+
+RULES = Path(__file__).parents[1] / "rules"
+ACTIONS = Query("safe_actions", 1, "set")
+VEHICLES = 40
+AT_ONCE = 2000
+
+
+def programs(rules: str) -> tuple[ArrayProgram, ArrayProgram]:
+    """A rule file in float64 and in float32."""
+    engine = Engine()
+    engine.consult(RULES / rules)
+    lowered = lower(engine, SCHEMA, [ACTIONS, FREE, SPEED, STATE])
+    return compile_numpy(lowered), compile_numpy(lowered, "float32")
+
+
+def differences(rules: str, rounds: int) -> str:
+    """A line about one rule file."""
+    exact, near = programs(rules)
+    decisions, speed, observation = 0, 0.0, 0.0
+    for seed in range(rounds):
+        scenes = SceneBatch.of(random_scenes(AT_ONCE, VEHICLES, seed))
+        right, found = exact(array_facts(scenes, exact)), near(array_facts(scenes, near))
+        values = [(mine.value, other.value) for mine, other in zip(right.answers, found.answers, strict=True)]
+        (actions, actions_32), (free, free_32), *numbers = values
+        differs = (actions != actions_32).any(axis=1) | (free != free_32)
+        decisions += int((differs | (right.undecided != found.undecided)).sum())
+        speeds, observations = (float(np.abs(one - other).max()) for one, other in numbers)
+        speed, observation = max(speed, speeds), max(observation, observations)
+    return (
+        f"{rules:12}{rounds * AT_ONCE:8} scenes, {decisions} decisions differ; "
+        f"at most {speed:.1e} m/s of target speed, {observation:.1e} of observation"
+    )
+
+
+if __name__ == "__main__":
+    for name in ("highway.pl", "paper.pl"):
+        print(differences(name, int(sys.argv[1]) if len(sys.argv) > 1 else 100))
