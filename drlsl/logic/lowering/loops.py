@@ -251,7 +251,8 @@ class LoopPrinter(PythonText):
         self.share([*groups, *(value for item in ready for value in item.values)], items)
         for item in ready:
             item.act()
-        earlier: Node | None = None
+        chain: list[Node] = []  # the conditions of the ifs that this one may be an elif of
+        tests: list[Node] = []
         for cond, members in groups.items():
             test = cond
             rest = [_Item(item.conds[1:], item.values, item.act) for item in members]
@@ -263,14 +264,17 @@ class LoopPrinter(PythonText):
                 test = self.pool.and_([test, rest[0].conds[0]])
                 rest = [_Item(item.conds[1:], item.values, item.act) for item in rest]
             self.nested_quantifiers(cond)
-            exclusive = earlier is not None and self.pool.and_([earlier, cond]) is self.pool.false
-            if exclusive and earlier is self.pool.not_(cond) and test is cond:
+            exclusive = all(self.pool.and_([before, cond]) is self.pool.false for before in chain)
+            if not exclusive:
+                chain, tests = [], []
+            if tests == [self.pool.not_(cond)] and test is cond:
                 head = "else:"
+                chain, tests = [], []
             else:
-                head = f"{'elif' if exclusive else 'if'} {self.text(test, CHOICE)}:"
+                head = f"{'elif' if chain else 'if'} {self.text(test, CHOICE)}:"
+                chain, tests = [*chain, cond], [*tests, test]
             with self.block(head):
                 self._items(rest)
-            earlier = cond
 
     # ---------------------------------------------------------------- sharing
 
