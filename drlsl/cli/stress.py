@@ -1,24 +1,34 @@
-"""`drlsl stress`: drive many episodes with a policy that looks for trouble, and count what happens."""
+"""`drlsl stress`: drive many episodes with policies that look for trouble, and count what happens."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
 if TYPE_CHECKING:
-    from drlsl.driving.stress import StressReport
+    from drlsl.driving.config import EnvConfig
+    from drlsl.driving.stress import Counts, StressReport
 
 
 def stress(
     recording: Annotated[
-        list[str], typer.Argument(help="Bundled recordings' names, highD folders or NGSIM files to drive in.")
-    ],
+        list[str] | None,
+        typer.Argument(
+            help="Bundled recordings' names, highD folders or NGSIM files to drive in; all that are bundled."
+        ),
+    ] = None,
     policy: Annotated[
-        Literal["random", "always-change"], typer.Option(help="How to choose among the offered actions.")
-    ] = "random",
+        Literal["all", "random", "always-change", "adversarial"],
+        typer.Option(help="How to choose among the offered actions; all: the episodes take turns."),
+    ] = "all",
+    shield: Annotated[
+        Literal["rules", "prediction", "none"],
+        typer.Option(help="Who says which actions are offered; the rules say how fast to go in any case."),
+    ] = "rules",
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
     rules: Annotated[
         list[Path] | None,
@@ -26,11 +36,23 @@ def stress(
             "--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."
         ),
     ] = None,
+    horizon: Annotated[
+        float | None, typer.Option(help="Seconds that the prediction looks ahead.", show_default="3")
+    ] = None,
+    traffic: Annotated[
+        Literal["recorded", "reactive"],
+        typer.Option(help="Whether recorded vehicles drive through the ego or brake for it."),
+    ] = "recorded",
+    position_noise: Annotated[float, typer.Option(help="Metres by which places seen are wrong.")] = 0.0,
+    speed_noise: Annotated[float, typer.Option(help="Metres a second by which speeds seen are wrong.")] = 0.0,
+    drop_rate: Annotated[float, typer.Option(help="Share of the vehicles that are not seen.")] = 0.0,
+    latency: Annotated[float, typer.Option(help="Seconds by which what is seen is old.")] = 0.0,
     direction: Annotated[
         Literal["both", "left_to_right", "right_to_left"], typer.Option(help="Which way the ego drives.")
     ] = "both",
     tier: Annotated[
-        Literal["auto", "interpreter", "scalar", "numpy"], typer.Option(help="What runs the rules.")
+        Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"],
+        typer.Option(help="What runs the rules."),
     ] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
     out: Annotated[
@@ -39,45 +61,103 @@ def stress(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Drive episodes with random or always-changing choices among what is offered, and count contacts."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from drlsl.driving.config import EnvConfig
-    from drlsl.driving.shield import Shield
-    from drlsl.driving.stress import POLICIES, StressReport
-    from drlsl.driving.stress import stress as run
+    """Drive episodes with policies that look for trouble among what a shield offers, and count contacts."""
+    from drlsl.driving.stress import POLICIES
     from drlsl.errors import UserError
-    from drlsl.traffic.load import load_recording
+    from drlsl.traffic.load import bundled_recordings
 
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")
-    config = EnvConfig(recording=recording[0], direction=direction, tier=tier)
-    shield = Shield.from_files(rules or (), tier=config.tier)
-    recordings = [load_recording(name) for name in recording]
-    report = StressReport()
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(f"{policy} policy, {shield.tier} rules", total=episodes)
-        for report in run(config, recordings, shield, POLICIES[policy], episodes=episodes, seed=seed):
-            progress.update(task, completed=report.episodes)
+    config = _config(
+        recording=tuple(recording or bundled_recordings()),
+        direction=direction,
+        rules=tuple(map(str, rules or ())),
+        tier=tier,
+        offers="all" if shield == "none" else shield,
+        traffic=traffic,
+        sensing={
+            "position_noise": position_noise,
+            "speed_noise": speed_noise,
+            "drop_rate": drop_rate,
+            "latency": latency,
+        },
+        **({} if horizon is None else {"prediction_horizon": horizon}),
+    )
+    report = _run(config, list(POLICIES) if policy == "all" else [policy], episodes, seed)
     if out is not None:
         _write_worst(report, out)
     print(json.dumps(report.as_json(), indent=2) if as_json else _report(report))
 
 
+def _config(**settings: Any) -> EnvConfig:
+    """The configuration that the flags make.
+
+    Raises:
+        UserError: a number is out of range.
+    """
+    from pydantic import ValidationError
+
+    from drlsl.driving.config import EnvConfig
+    from drlsl.errors import UserError
+
+    try:
+        return EnvConfig(**settings)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        flag = {"prediction_horizon": "horizon"}.get(str(first["loc"][-1]), str(first["loc"][-1]))
+        raise UserError(f"--{flag.replace('_', '-')}: {first['msg']}, got {first['input']!r}") from error
+
+
+def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> StressReport:
+    """Drive all episodes, and show on a terminal how far they are."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from drlsl.driving.shield import Shield
+    from drlsl.driving.stress import StressReport
+    from drlsl.driving.stress import stress as run
+    from drlsl.traffic.load import load_recording
+
+    shield = Shield.from_files(config.rules, tier=config.tier)
+    recordings = [load_recording(name) for name in config.recordings]
+    report = StressReport()
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(f"{', '.join(policies)}; {shield.tier} rules", total=episodes)
+        for report in run(config, recordings, shield, policies, episodes=episodes, seed=seed):
+            progress.update(task, completed=report.total.episodes)
+    return report
+
+
 def _report(report: StressReport) -> str:
-    """What a person reads."""
-    excused = ", ".join(f"{count} {name}" for name, count in report.contacts.items() if name != "at_fault")
-    lines = [
-        f"episodes                {report.episodes} ({report.steps} steps, {report.distance / 1000:.0f} km)",
-        f"lane changes            {report.lane_changes}",
-        f"off the road            {report.off_road}",
-        f"contacts at fault       {report.contacts_at_fault}",
-        f"contacts not at fault   {report.contacts_not_at_fault}" + (f" ({excused})" if excused else ""),
-        f"fail-safe steps         {report.fail_safe}",
-    ]
+    """What a person reads: a column of counts for each policy, and the worst contacts."""
+    columns = [*report.policies.items()]
+    if len(columns) > 1:
+        columns.append(("all", report.total))
+    lines = ["".join([" " * 22, *(f"{name:>15}" for name, _ in columns)])]
+    for title, text in _ROWS.items():
+        lines.append("".join([f"{title:<22}", *(f"{text(counts):>15}" for _, counts in columns)]))
+    excused = {name: count for name, count in report.total.contacts.items() if name != "at_fault" and count}
+    if excused:
+        lines.append("excused: " + ", ".join(f"{count} {name}" for name, count in sorted(excused.items())))
+    if report.worst:
+        lines.append("worst contacts:")
+    for record in report.worst:
+        speed = f"{record.closing_speed:5.1f} m/s apart"
+        lines.append(f"  {record.name:<45} {speed}  {record.policy}")
     return "\n".join(lines)
+
+
+_ROWS: Final[dict[str, Callable[[Counts], str]]] = {
+    "episodes": lambda counts: str(counts.episodes),
+    "steps": lambda counts: str(counts.steps),
+    "kilometres": lambda counts: f"{counts.distance / 1000:.0f}",
+    "lane changes": lambda counts: str(counts.lane_changes),
+    "off the road": lambda counts: str(counts.off_road),
+    "contacts at fault": lambda counts: str(counts.contacts_at_fault),
+    "contacts not at fault": lambda counts: str(counts.contacts_not_at_fault),
+    "fail-safe steps": lambda counts: str(counts.fail_safe),
+}
 
 
 def _write_worst(report: StressReport, out: Path) -> None:
@@ -86,5 +166,4 @@ def _write_worst(report: StressReport, out: Path) -> None:
 
     out.mkdir(parents=True)
     for record in report.worst:
-        name = f"episode-{record.episode}-{record.verdict}-v{record.vehicle}.json"
-        (out / name).write_text(scene_json(record.scene), encoding="utf-8")
+        (out / f"{record.name}.json").write_text(scene_json(record.scene), encoding="utf-8")

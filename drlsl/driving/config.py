@@ -19,6 +19,9 @@ TRACK_LENGTH: Final = 840.0
 """What an episode drives [m]. Source: paper, Training."""
 
 
+PREDICTION_HORIZON: Final = 3.0
+"""How far ahead the prediction looks [s]: about as long as a lane change takes."""
+
 Name: TypeAlias = Annotated[str, Field(min_length=1)]
 
 
@@ -46,6 +49,33 @@ class RewardConfig(BaseModel):
     )
 
 
+class SensingConfig(BaseModel):
+    """What is wrong with what the ego sees of other vehicles; of its own state nothing is. All 0: nothing.
+
+    Contacts, and the gaps that the ego enters in, are those of the road as it is.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    position_noise: float = Field(
+        0.0, ge=0, description="Standard deviation in metres of the error of a place, along and across."
+    )
+    speed_noise: float = Field(
+        0.0, ge=0, description="Standard deviation in m/s of the error of a speed, along and across."
+    )
+    noise_time: float = Field(
+        1.0, ge=0, description="Seconds in which these errors change (first-order process); 0: white noise."
+    )
+    drop_rate: float = Field(0.0, ge=0, lt=1, description="Share of the vehicles that are not seen.")
+    drop_time: float = Field(1.0, gt=0, description="Mean seconds for which a vehicle is not seen.")
+    latency: float = Field(0.0, ge=0, le=5, description="Seconds by which what is seen is old.")
+
+    @property
+    def faulty(self) -> bool:
+        """Whether there is any fault."""
+        return bool(self.position_noise or self.speed_noise or self.drop_rate or self.latency)
+
+
 class EnvConfig(BaseModel):
     """One driving environment.
 
@@ -70,6 +100,19 @@ class EnvConfig(BaseModel):
     tier: Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"] = Field(
         "auto", description="What runs the rules; auto: the fastest that can run this program."
     )
+    offers: Literal["rules", "prediction", "all"] = Field(
+        "rules",
+        description="Who says which actions are offered: the rules; a linear prediction, from which those "
+        "that would end in a contact or off the road are left out; or nobody.",
+    )
+    prediction_horizon: float = Field(
+        PREDICTION_HORIZON, gt=0, le=30, description="Seconds that the prediction looks ahead."
+    )
+    traffic: Literal["recorded", "reactive"] = Field(
+        "recorded",
+        description="Whether recorded vehicles drive through the ego, or brake for it and follow (IDM).",
+    )
+    sensing: SensingConfig = Field(SensingConfig(), description="Faults of what the ego sees.")
     track_length: float = Field(TRACK_LENGTH, gt=0, description="Metres to drive in an episode.")
     radar_range: float = Field(
         RADAR_RANGE, gt=0, description="Metres within which the ego sees other vehicles."

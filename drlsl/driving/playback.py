@@ -183,7 +183,8 @@ class Courses:
 
     `begin`, `frames`: the first row of the film and how many; `dt` [s]; `sign` of motion along x; `road`, an
     index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`, the edges
-    of the direction's lanes [m]. Of shape (N, L): `lane_id`, `centre` [m], infinite where there is no lane.
+    of the direction's lanes [m]; `lanes`, how many; `slots`, how many vehicles' places its own film has. Of
+    shape (N, L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
     """
 
     begin: Integers
@@ -195,8 +196,11 @@ class Courses:
     length: Floats
     low: Floats
     high: Floats
+    lanes: Integers
+    slots: Integers
     lane_id: Integers
     centre: Floats
+    width: Floats
 
     def take(self, chosen: Integers) -> Courses:
         """The courses that `chosen` names, shape (N,)."""
@@ -217,10 +221,11 @@ class Playbacks:
         self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
         lanes = max(len(one.lanes) for one in playbacks)
         lane_id = np.zeros((len(playbacks), lanes), dtype=np.int64)
-        centre = np.full((len(playbacks), lanes), np.inf)
+        centre, width = np.full((2, len(playbacks), lanes), np.inf)
         for index, one in enumerate(playbacks):
             lane_id[index, : len(one.lanes)] = [lane.id for lane in one.lanes]
             centre[index, : len(one.lanes)] = [lane.centre for lane in one.lanes]
+            width[index, : len(one.lanes)] = [lane.width for lane in one.lanes]
         self.courses = Courses(
             begin=np.array([begins[one.film] for one in playbacks]),
             frames=np.array([one.frames for one in playbacks]),
@@ -231,6 +236,9 @@ class Playbacks:
             length=np.array([one.length for one in playbacks]),
             low=np.array([min(lane.centre - lane.width / 2 for lane in one.lanes) for one in playbacks]),
             high=np.array([max(lane.centre + lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            lanes=np.array([len(one.lanes) for one in playbacks]),
+            slots=np.array([one.film.valid.shape[1] for one in playbacks]),
             lane_id=lane_id,
             centre=centre,
+            width=width,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -12,13 +12,16 @@ import numpy.typing as npt
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.control import LaneController, SpeedController, move, move_forward
+from drlsl.driving.contacts import Contact, Surroundings, worst_contacts
+from drlsl.driving.egos import Egos
 from drlsl.driving.entry import Entries, Entry
-from drlsl.driving.fault import Track, Verdict, judge
-from drlsl.driving.limits import CENTRE_TOLERANCE
+from drlsl.driving.fault import judge
 from drlsl.driving.playback import Playback, Playbacks
+from drlsl.driving.prediction import NOTHING_OFFERED, predicted_actions
+from drlsl.driving.reactive import ReactiveTraffic
 from drlsl.driving.reward import reward_terms
 from drlsl.driving.scene import Scene
+from drlsl.driving.sensing import Sensing
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 
@@ -27,25 +30,14 @@ Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
 MEMORY: Final = 12.0
-"""How far back the ego's own track is kept for judging contacts [s]."""
+"""How far back tracks are kept for judging contacts [s]."""
 
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """A contact of one ego: the vehicle's id and the verdict on it."""
-
-    vehicle: int
-    verdict: Verdict
-
-    @property
-    def at_fault(self) -> bool:
-        """Whether the ego is to blame."""
-        return self.verdict is Verdict.AT_FAULT
+NOT_RESET: Final = "reset the world first: it has no scenes yet"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResult:
-    """What one step brought, for N egos.
+    """What one step brought, for N egos; `scenes` as they are, whatever the rules see of them.
 
     Arrays are of shape (N,); `rewards` holds the weighted terms. `contacts`: by ego, the contact that ended
     its episode. `changed`: the step started a lane change; `entered`: the ego was placed anew on the
@@ -64,73 +56,6 @@ class StepResult:
     entered: Mask
     distance: Floats
     speed: Floats
-
-
-@dataclass(slots=True)
-class _Egos:
-    """The state of N egos: arrays of shape (N,) in road coordinates; `speed` is along the heading."""
-
-    x: Floats
-    y: Floats
-    speed: Floats
-    vy: Floats
-    target_lane: Integers
-    target_y: Floats
-    playback: Integers
-    frame: Integers
-    distance: Floats
-    ended: Mask
-
-    @classmethod
-    def new(cls, count: int) -> _Egos:
-        x, y, speed, vy, target_y, distance = (np.zeros(count) for _ in range(6))
-        target_lane, playback, frame = (np.zeros(count, dtype=np.int64) for _ in range(3))
-        ended = np.ones(count, dtype=np.bool_)
-        return cls(x, y, speed, vy, target_lane, target_y, playback, frame, distance, ended)
-
-
-@dataclass(slots=True)
-class _Past:
-    """The newest rows of every ego's track, x, y and speed, in a ring of shape (T, 3, N).
-
-    All egos write in the same row. `kept` (N,): how many of an ego's rows are there.
-    """
-
-    rows: Floats
-    kept: Integers
-    now: int = 0
-
-    @classmethod
-    def new(cls, count: int, length: int) -> _Past:
-        return cls(np.zeros((length, 3, count)), np.zeros(count, dtype=np.int64))
-
-    def begin(self, ego: int, egos: _Egos) -> None:
-        """Forget an ego's track, which begins with the present."""
-        self.rows[self.now, :, ego] = egos.x[ego], egos.y[ego], egos.speed[ego]
-        self.kept[ego] = 1
-
-    def write(self, egos: _Egos) -> None:
-        """Add the present to every track."""
-        self.now = (self.now + 1) % len(self.rows)
-        row = self.rows[self.now]
-        row[0], row[1], row[2] = egos.x, egos.y, egos.speed
-        self.kept += 1
-
-    def track(self, index: int, sign: int, size: tuple[float, float]) -> Track:
-        """One ego's track, oldest first."""
-        kept = min(int(self.kept[index]), len(self.rows))
-        x, y, speed = self.rows[(self.now + 1 - kept + np.arange(kept)) % len(self.rows), :, index].T
-        return Track(sign * x, y, speed, *size)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Surroundings:
-    """The scenes around egos; of shape (N, S): who is `recorded`, and where seen from the ego, `dx`, `dy`."""
-
-    scenes: SceneBatch
-    recorded: Mask
-    dx: Floats
-    dy: Floats
 
 
 class World:
@@ -155,50 +80,68 @@ class World:
         self.shield = shield
         self.playbacks = Playbacks(distinct)
         self.count = len(playbacks)
-        self._size = (config.ego_length, config.ego_width)
-        self._entries = [Entries(one, shield, self._size) for one in self.playbacks.all]
-        self._widest = self.playbacks.film.numbers[4:, :, 1:].max(axis=(1, 2), initial=0.0)
-        self._egos = _Egos.new(self.count)
-        self._courses = self.playbacks.courses.take(self._egos.playback)
-        self._past = _Past.new(self.count, round(MEMORY / float(self.playbacks.courses.dt.min())))
-        self._speed_control = SpeedController.for_egos(self.count)
-        self._lane_control = LaneController.for_egos(self.count)
+        film, dt = self.playbacks.film, float(self.playbacks.courses.dt.min())
+        size, memory = (config.ego_length, config.ego_width), round(MEMORY / dt)
+        self._entries = [Entries(one, shield, size) for one in self.playbacks.all]
+        self._largest = film.numbers[4:, :, 1:].max(axis=(1, 2), initial=0.0)
+        self._egos = Egos(self.count, size, memory)
+        self._courses = self.playbacks.courses.take(self._egos.at.playback)
+        reactive = config.traffic == "reactive"
+        self._reactive = ReactiveTraffic(film, self.count, memory) if reactive else None
+        self._sensing = (
+            Sensing(config.sensing, self.playbacks, config.radar_range, self.count)
+            if config.sensing.faulty
+            else None
+        )
         self.rngs = [np.random.default_rng() for _ in range(self.count)]
         """The generator of each ego's episode."""
         self._everyone = np.arange(self.count)
         self._scenes: SceneBatch | None = None
+        self._seen: SceneBatch | None = None
         self._decisions: Decisions | None = None
 
     @property
     def decisions(self) -> Decisions:
-        """What the rules say about the scenes that the egos are in."""
+        """What the egos are offered and asked, in the scenes that they are in."""
         if self._decisions is None:
-            raise RuntimeError("reset the world first: it has no scenes yet")
+            raise RuntimeError(NOT_RESET)
         return self._decisions
+
+    @property
+    def seen(self) -> SceneBatch:
+        """The scenes that the rules were last asked about."""
+        if self._seen is None:
+            raise RuntimeError(NOT_RESET)
+        return self._seen
 
     @property
     def distance(self) -> Floats:
         """Metres driven in the episode, shape (N,)."""
-        return self._egos.distance
+        return self._egos.at.distance
 
     @property
     def speed(self) -> Floats:
         """Speed of the egos [m/s], shape (N,)."""
-        return self._egos.speed
+        return self._egos.at.speed
 
     def scene(self, ego: int) -> Scene:
         """The scene of one ego that the rules were last asked about."""
-        if self._scenes is None:
-            raise RuntimeError("reset the world first: it has no scenes yet")
-        return self._scenes.scene(ego)
+        return self.seen.scene(ego)
+
+    def targets(self) -> Floats:
+        """The y [m] that each action would have each ego steer for, shape (N, 3).
+
+        NaN for a lane change that would not be taken up; to a side without a lane, beyond the road.
+        """
+        return self._egos.targets(self.decisions.lane_to_keep, self._courses, self._everyone)
 
     def playback_of(self, ego: int) -> Playback:
         """The playback that an ego drives in."""
-        return self.playbacks.all[int(self._egos.playback[ego])]
+        return self.playbacks.all[int(self._egos.at.playback[ego])]
 
     def frame_of(self, ego: int) -> int:
         """The recorded frame that an ego is in."""
-        return int(self._egos.frame[ego])
+        return int(self._egos.at.frame[ego])
 
     def reset(self, egos: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
         """Begin new episodes for `egos`, each a function of its generator alone; the others stay as they are.
@@ -212,13 +155,17 @@ class World:
             self._begin(ego, rng)
         places = np.asarray(egos)
         scenes = self._look(places).scenes
-        decisions = self.shield.decide_batch(scenes)
-        if self._scenes is not None and self._decisions is not None:
+        seen = self._perceive(scenes, places)
+        decisions = self._ask(seen, places)
+        if self._scenes is not None and self._seen is not None and self._decisions is not None:
+            # The old ones may have been handed out: they stay as they are.
+            seen = self._seen.replaced(places, seen) if self._sensing else seen
             scenes = self._scenes.replaced(places, scenes)
             decisions = self._decisions.replaced(places, decisions)
         elif places.tolist() != self._everyone.tolist():
             raise RuntimeError("the first reset has to be of all egos, in order")
         self._scenes, self._decisions = scenes, decisions
+        self._seen = seen if self._sensing else scenes
 
     def step(
         self, actions: npt.NDArray[np.integer], restarts: Mapping[int, np.random.Generator] | None = None
@@ -233,20 +180,22 @@ class World:
         """
         if actions.min() < 0 or actions.max() >= len(Action):
             raise UserError(f"unknown action in {actions.tolist()}; known are 0 to {len(Action) - 1}")
-        egos = self._egos
-        playing = ~egos.ended
-        changed = self._steer(actions, self.decisions, playing)
-        self._drive(self.decisions)
-        over = egos.frame >= self._courses.frames
+        egos, at, decisions = self._egos, self._egos.at, self.decisions
+        playing = ~at.ended
+        changed = egos.steer(actions, decisions.lane_to_keep, self._courses)
+        if self._reactive is not None and self._scenes is not None:
+            self._reactive.advance(self._scenes, self._courses, at.frame)
+        egos.drive(decisions.target_speed, self._courses)
+        over = at.frame >= self._courses.frames
         around = self._look()
-        contacts = self._contacts(around, playing & ~over)
+        contacts = worst_contacts(around.touching(playing & ~over, self._largest), self._judge)
         touched = np.zeros(self.count, dtype=np.bool_)
         touched[list(contacts)] = True
-        off_road = self._off_road() & playing
+        off_road = egos.off_road(self._courses) & playing
         terminated = touched | off_road
-        truncated = (egos.distance >= self.config.track_length) & playing & ~terminated
-        egos.ended |= terminated | truncated
-        speed, distance = egos.speed.copy(), egos.distance.copy()
+        truncated = (at.distance >= self.config.track_length) & playing & ~terminated
+        at.ended |= terminated | truncated
+        speed, distance = at.speed.copy(), at.distance.copy()
         rewards = reward_terms(
             self.config.reward,
             changed=changed,
@@ -273,37 +222,47 @@ class World:
         )
 
     def get_state(self) -> dict[str, Any]:
-        """Where every ego is and what its controllers and its generator remember: arrays and plain types."""
+        """Where everybody is and what the egos' controllers and generators remember: arrays and plain types.
+
+        What the egos see, and what they are offered, is in it where it cannot be found out again.
+        """
         if self._scenes is None:
-            raise RuntimeError("reset the world first: it has no state yet")
-        return {
-            "egos": {field.name: getattr(self._egos, field.name).copy() for field in fields(self._egos)},
-            "past": {"rows": self._past.rows.copy(), "kept": self._past.kept.copy(), "now": self._past.now},
-            "integrals": (self._speed_control.integral.copy(), self._lane_control.integral.copy()),
-            "rngs": [rng.bit_generator.state for rng in self.rngs],
-        }
+            raise RuntimeError(NOT_RESET)
+        state = {**self._egos.get_state(), "rngs": [rng.bit_generator.state for rng in self.rngs]}
+        if self._reactive is not None:
+            state["reactive"] = self._reactive.get_state()
+        if self._sensing is not None:
+            state["sensing"] = self._sensing.get_state()
+        return state
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave in a world of the same making."""
-        self._egos = _Egos(**{name: array.copy() for name, array in state["egos"].items()})
-        self._past = _Past(state["past"]["rows"].copy(), state["past"]["kept"].copy(), state["past"]["now"])
-        speed, lane = state["integrals"]
-        self._speed_control, self._lane_control = SpeedController(speed.copy()), LaneController(lane.copy())
+        self._egos.set_state(state)
         self.rngs = [np.random.default_rng() for _ in range(self.count)]
         for rng, rng_state in zip(self.rngs, state["rngs"], strict=True):
             rng.bit_generator.state = rng_state
-        self._courses = self.playbacks.courses.take(self._egos.playback)
-        self._decide(self._look().scenes, [])
+        self._courses = self.playbacks.courses.take(self._egos.at.playback)
+        if self._reactive is not None:
+            self._reactive.set_state(state["reactive"])
+        scenes = self._look().scenes
+        seen = scenes
+        if self._sensing is not None:
+            self._sensing.set_state(state["sensing"])
+            seen = self._sensing.shown(scenes, self._courses, self._everyone)
+        self._scenes, self._seen = scenes, seen
+        self._decisions = self._ask(seen, self._everyone)
 
     def _begin(self, ego: int, rng: np.random.Generator) -> None:
         """Begin an episode of one ego."""
         self.rngs[ego] = rng
-        choices = self._choices[ego]
-        self._egos.playback[ego] = choices[rng.integers(len(choices))]
-        self._egos.ended[ego], self._egos.distance[ego] = False, 0.0
+        if self._sensing is not None:
+            self._sensing.begin(ego, rng)
+        at, choices = self._egos.at, self._choices[ego]
+        at.playback[ego] = choices[rng.integers(len(choices))]
+        at.ended[ego], at.distance[ego] = False, 0.0
         frame = int(rng.integers(self.playback_of(ego).frames))
-        self._place(ego, self._entries[self._egos.playback[ego]].find(rng, frame=frame))
-        self._courses = self.playbacks.courses.take(self._egos.playback)
+        self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
+        self._courses = self.playbacks.courses.take(at.playback)
 
     def _restart(self, restarts: Mapping[int, np.random.Generator] | None) -> list[int]:
         """Begin the episodes that are asked for; returns whose."""
@@ -312,81 +271,31 @@ class World:
         return list(restarts or {})
 
     def _place(self, ego: int, entry: Entry) -> None:
-        """Put an ego at an entry, its controllers and its past forgotten."""
-        egos = self._egos
-        egos.frame[ego], egos.x[ego], egos.speed[ego] = entry.frame, entry.x, entry.speed
-        egos.y[ego] = egos.target_y[ego] = entry.lane.centre
-        egos.vy[ego], egos.target_lane[ego] = 0.0, entry.lane.id
-        self._speed_control.reset(ego)
-        self._lane_control.reset(ego)
-        self._past.begin(ego, egos)
+        """Put an ego at an entry, into traffic that has not met it."""
+        self._egos.place(ego, entry)
+        if self._reactive is not None:
+            self._reactive.forget(ego)
+        if self._sensing is not None:
+            self._sensing.forget(ego)
 
-    def _steer(self, actions: npt.NDArray[np.integer], decisions: Decisions, playing: Mask) -> Mask:
-        """Set the lanes to steer for; returns which egos start a lane change, shape (N,)."""
-        egos = self._egos
-        settled: Mask = np.abs(egos.target_y - egos.y) <= CENTRE_TOLERANCE
-        changed: Mask = settled & (actions != Action.LANE_KEEPING) & playing
-        for ego in changed.nonzero()[0].tolist():
-            self._start_lane_change(ego, Action(int(actions[ego])))
-        moved = (decisions.lane_to_keep != egos.target_lane) & ~changed & playing
-        for ego in moved.nonzero()[0].tolist():
-            self._steer_for(ego, int(decisions.lane_to_keep[ego]))
-        return changed
-
-    def _start_lane_change(self, ego: int, action: Action) -> None:
-        """Steer for the next lane to a side; where there is none, for where it would be, off the road."""
-        playback, egos = self.playback_of(ego), self._egos
-        leftward = 1 if action is Action.LEFT_LANE_CHANGE else -1
-        turn = -leftward * playback.sign
-        order = [lane.id for lane in playback.lanes]
-        here = order.index(int(egos.target_lane[ego]))
-        there = here + turn
-        if 0 <= there < len(order):
-            self._steer_for(ego, order[there])
-        else:
-            egos.target_y[ego] = playback.lanes[here].centre + turn * playback.lanes[here].width
-
-    def _steer_for(self, ego: int, lane_id: int) -> None:
-        lane = self.playback_of(ego).road.lane(lane_id)
-        if lane is None:
-            raise UserError(f"lane_to_keep/1 names lane {lane_id}, which the road does not have")
-        self._egos.target_lane[ego], self._egos.target_y[ego] = lane.id, lane.centre
-
-    def _drive(self, decisions: Decisions) -> None:
-        """Run the controllers and move the egos and the recording on by one frame."""
-        egos, dt = self._egos, self._courses.dt
-        ax = self._speed_control.acceleration(egos.speed, decisions.target_speed, dt)
-        ay = self._lane_control.acceleration(egos.y, egos.vy, egos.target_y, dt)
-        along, egos.speed = move_forward(egos.speed, ax, dt)
-        egos.x = egos.x + self._courses.sign * along
-        egos.y, egos.vy = move(egos.y, egos.vy, ay, dt)
-        egos.frame = egos.frame + 1
-        egos.distance += along
-        self._past.write(egos)
-
-    def _off_road(self) -> Mask:
-        """Whether any part of an ego is beyond the lanes of its direction, shape (N,)."""
-        half, courses = self._size[1] / 2, self._courses
-        return np.asarray(
-            (self._egos.y - half < courses.low) | (self._egos.y + half > courses.high), dtype=np.bool_
-        )
-
-    def _look(self, places: Integers | None = None) -> _Surroundings:
+    def _look(self, places: Integers | None = None) -> Surroundings:
         """The scenes around the egos in `places`, or around all of them."""
-        egos, courses = self._egos, self._courses
+        at, courses = self._egos.at, self._courses
 
         def chosen(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
             return values if places is None else values.take(places, axis=0)
 
         film = self.playbacks.film
-        rows = chosen(courses.begin + np.minimum(egos.frame, courses.frames - 1))
+        rows = chosen(courses.begin + np.minimum(at.frame, courses.frames - 1))
         numbers, vehicle = film.numbers.take(rows, axis=1), film.vehicle.take(rows, axis=0)
         lane, recorded = film.lane.take(rows, axis=0), film.valid.take(rows, axis=0)
         vehicle[:, 0] = EGO_ID
-        x, y = chosen(egos.x), chosen(egos.y)
+        x, y, sign = chosen(at.x), chosen(at.y), chosen(courses.sign)
+        if self._reactive is not None:
+            self._reactive.apply(numbers, sign, places)
         nearest = np.abs(chosen(courses.centre) - y[:, None]).argmin(axis=1)
         lane[:, 0] = chosen(courses.lane_id)[self._everyone[: len(nearest)], nearest]
-        own = (x, y, chosen(courses.sign) * chosen(egos.speed), chosen(egos.vy), *self._size)
+        own = (x, y, sign * chosen(at.speed), chosen(at.vy), *self._egos.size)
         for column, value in zip(numbers, own, strict=True):
             column[:, 0] = value
         dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
@@ -397,47 +306,54 @@ class World:
             numbers,
             roads=self.playbacks.roads,
             road=chosen(courses.road),
-            target_lane=chosen(egos.target_lane).copy(),
+            target_lane=chosen(at.target_lane).copy(),
             id=vehicle,
             lane=lane,
             valid=valid,
         )
-        return _Surroundings(scenes, recorded, dx, dy)
+        return Surroundings(scenes, recorded, dx, dy)
 
     def _decide(self, scenes: SceneBatch, placed: Sequence[int]) -> Decisions:
-        """What the rules say about `scenes`, in which the `placed` egos are now somewhere else."""
+        """What the egos are offered in `scenes`, in which those `placed` are now somewhere else."""
         if placed:
             places = np.array(placed)
             scenes.put(places, self._look(places).scenes)
-        self._scenes, self._decisions = scenes, self.shield.decide_batch(scenes)
+        self._scenes, self._seen = scenes, self._perceive(scenes, self._everyone)
+        self._decisions = self._ask(self._seen, self._everyone)
         return self._decisions
 
-    def _contacts(self, around: _Surroundings, playing: Mask) -> dict[int, Contact]:
-        """The contacts of the egos that `playing` marks; of several of one ego, one at fault first."""
-        (longest, widest), (length, width) = self._widest, self._size
-        near = np.abs(around.dx) < (longest + length) / 2
-        near &= np.abs(around.dy) < (widest + width) / 2
-        near &= around.recorded
-        scenes = around.scenes
-        contacts: dict[int, Contact] = {}
-        for place in np.flatnonzero(near).tolist():
-            ego, slot = divmod(place, near.shape[1])
-            touching = (
-                playing[ego]
-                and abs(around.dx[ego, slot]) < (scenes.length[ego, slot] + length) / 2
-                and abs(around.dy[ego, slot]) < (scenes.width[ego, slot] + width) / 2
-            )
-            if touching and not (ego in contacts and contacts[ego].at_fault):
-                contact = self._judge(ego, slot)
-                if contact.at_fault or ego not in contacts:
-                    contacts[ego] = contact
-        return contacts
+    def _perceive(self, scenes: SceneBatch, places: Integers) -> SceneBatch:
+        """What the egos in `places` see, who are in `scenes`."""
+        if self._sensing is None:
+            return scenes
+        return self._sensing.perceive(scenes, self._courses.take(places), self._egos.at.frame[places], places)
+
+    def _ask(self, seen: SceneBatch, places: Integers) -> Decisions:
+        """What the egos in `places` are offered, and the rest of what the rules say about what they see."""
+        decisions = self.shield.decide_batch(seen)
+        if self.config.offers == "rules":
+            return decisions
+        if self.config.offers == "all":
+            mask = np.ones_like(decisions.action_mask)
+            return replace(decisions, action_mask=mask)
+        courses = self._courses.take(places)
+        targets = self._egos.targets(decisions.lane_to_keep, self._courses, places)
+        mask = predicted_actions(seen, targets, courses.low, courses.high, self.config.prediction_horizon)
+        # Where the rules failed, their fail-safe holds.
+        mask[list(decisions.failures)] = decisions.action_mask[list(decisions.failures)]
+        stuck = np.flatnonzero(~mask.any(axis=1)).tolist()
+        mask[stuck, Action.LANE_KEEPING] = True
+        failures = {**decisions.failures, **dict.fromkeys(stuck, NOTHING_OFFERED)}
+        return replace(decisions, action_mask=mask, failures=failures)
 
     def _judge(self, ego: int, slot: int) -> Contact:
-        playback, frame = self.playback_of(ego), self.frame_of(ego)
-        own = self._past.track(ego, playback.sign, self._size)
-        placed_at = frame - int(self._past.kept[ego]) + 1
+        """The contact of an ego with the vehicle in a slot."""
+        playback, frame, past = self.playback_of(ego), self.frame_of(ego), self._egos.past
+        own = past.track(ego, playback.sign, self._egos.size)
+        placed_at = frame - int(past.kept[ego]) + 1
         other = playback.track(frame, slot, frame - len(own.s) + 1)
+        if self._reactive is not None:
+            other = self._reactive.driven(ego, slot, other)
         verdict = judge(
             own,
             other,
@@ -445,16 +361,17 @@ class World:
             playback.road.time_step,
             other_appeared=int(playback.film.first[frame, slot]) > placed_at,
         )
-        return Contact(int(playback.film.vehicle[frame, slot]), verdict)
+        closing = abs(float(own.speed[-1] - other.speed[-1]))
+        return Contact(int(playback.film.vehicle[frame, slot]), verdict, closing)
 
     def _reenter(self, over: Mask) -> Mask:
         """Place anew the egos that drive on but have reached the end of the stretch or of the recording."""
-        egos, courses = self._egos, self._courses
-        driven = courses.sign * (egos.x - courses.start) + self.config.ego_length / 2
-        entered: Mask = (over | (driven >= courses.length)) & ~egos.ended
+        at, courses = self._egos.at, self._courses
+        driven = courses.sign * (at.x - courses.start) + self.config.ego_length / 2
+        entered: Mask = (over | (driven >= courses.length)) & ~at.ended
         for ego in entered.nonzero()[0].tolist():
             playback = self.playback_of(ego)
-            lane = playback.road.lane(int(egos.target_lane[ego]))
+            lane = playback.road.lane(int(at.target_lane[ego]))
             frame, rng = self.frame_of(ego) % playback.frames, self.rngs[ego]
-            self._place(ego, self._entries[egos.playback[ego]].find(rng, frame=frame, lane=lane))
+            self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame, lane=lane))
         return entered

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drlsl.cli import run
+from drlsl.driving.batch import SceneBatch
+from drlsl.driving.bench import random_scenes
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.scene import Scene
 from drlsl.driving.scene_file import load_scene
 from drlsl.driving.shield import Shield
-from drlsl.driving.stress import POLICIES, StressReport, stress
+from drlsl.driving.stress import MARGIN_HORIZON, POLICIES, StressReport, margins, stress
 from drlsl.traffic.load import load_recording
 from drlsl.traffic.recording import Recording
 from tests.driving.recordings import Drive, recording
@@ -22,10 +28,12 @@ front_is_free.  longitudinal_velocity(30.0).  state([0, 0, 0, 0, 0, 0, 0, 0, 0, 
 """
 
 
-def run_stress(made: Recording, shield: Shield, policy: str, episodes: int) -> StressReport:
+def run_stress(
+    made: Recording, shield: Shield, policies: list[str], episodes: int, egos: int = 8, **settings: object
+) -> StressReport:
     report = StressReport()
-    config = EnvConfig(recording="by-hand")
-    for report in stress(config, [made], shield, POLICIES[policy], episodes=episodes, seed=1, egos=8):  # noqa: B007
+    config = EnvConfig(recording="by-hand", **settings)  # type: ignore[arg-type]  # test values
+    for report in stress(config, [made], shield, policies, episodes=episodes, seed=1, egos=egos):  # noqa: B007
         pass
     return report
 
@@ -33,22 +41,31 @@ def run_stress(made: Recording, shield: Shield, policy: str, episodes: int) -> S
 @pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("name", ["highway-test", "freeway"])
 def test_the_shield_holds(name: str, policy: str) -> None:
-    report = run_stress(load_recording(name), Shield.default(tier="auto"), policy, 12)
-    assert report.episodes == 12
-    assert report.steps > 1000
-    assert report.off_road == report.contacts_at_fault == report.fail_safe == 0
+    counts = run_stress(load_recording(name), Shield.default(tier="auto"), [policy], 12).total
+    assert counts.episodes == 12
+    assert counts.steps > 1000
+    assert counts.off_road == counts.contacts_at_fault == counts.fail_safe == 0
 
 
 def test_what_a_blind_program_does_is_counted(tmp_path: Path) -> None:
     (tmp_path / "blind.pl").write_text(BLIND)
     made = recording([Drive(lane, x, 20.0) for lane in range(1, 6) for x in range(0, 420, 60)], frames=100)
-    report = run_stress(made, Shield.from_files([tmp_path / "blind.pl"], tier="auto"), "always-change", 20)
-    assert report.off_road + report.contacts_at_fault > 0
-    assert report.lane_changes > 0
-    assert report.contacts_at_fault + report.contacts_not_at_fault == report.contacts.total()
-    assert report.off_road + report.contacts.total() <= report.episodes == 20
-    kept = [record.verdict == "at_fault" for record in report.worst]
-    assert kept == sorted(kept, reverse=True)
+    report = run_stress(made, Shield.from_files([tmp_path / "blind.pl"], tier="auto"), list(POLICIES), 30)
+    counts = report.total
+    assert counts.off_road + counts.contacts_at_fault > 0
+    assert counts.lane_changes > 0
+    assert counts.contacts_at_fault + counts.contacts_not_at_fault == counts.contacts.total()
+    assert counts.off_road + counts.contacts.total() <= counts.episodes == 30
+    assert [one.episodes for one in report.policies.values()] == [10, 10, 10]
+    kept = [(record.verdict != "at_fault", -record.closing_speed) for record in report.worst]
+    assert kept == sorted(kept)
+    for record in report.worst:
+        ego, other = (
+            record.scene.ego,
+            next(one for one in record.scene.vehicles if one.id == f"v{record.vehicle}"),
+        )
+        assert record.closing_speed == pytest.approx(abs(ego.vx - other.vx))
+        assert abs(ego.x - other.x) < (ego.length + other.length) / 2
 
 
 def test_worst_contacts_become_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,3 +89,83 @@ def test_worst_contacts_become_scenes(tmp_path: Path, capsys: pytest.CaptureFixt
         assert load_scene(path).vehicles
     assert run(arguments) == 2
     assert "exists" in capsys.readouterr().err
+
+
+def test_an_episode_is_a_function_of_its_seed_and_number() -> None:
+    made, shield = load_recording("highway-test"), Shield.default(tier="auto")
+    few, many = (run_stress(made, shield, list(POLICIES), 9, egos, track_length=100.0) for egos in (2, 9))
+    assert few.as_json() == many.as_json()
+
+
+@pytest.mark.parametrize("offers", ["prediction", "all"])
+def test_each_shield_says_what_is_offered(offers: str) -> None:
+    made = load_recording("highway-test")
+    counts = run_stress(
+        made, Shield.default(tier="auto"), ["random"], 8, offers=offers, track_length=200.0
+    ).total
+    assert (counts.off_road > 0) == (offers == "all")
+    assert counts.lane_changes > 0
+
+
+def margin_of(scene: Scene, target: float) -> float:
+    """The margin of an action that leads to `target`, vehicle by vehicle."""
+    ego, found = scene.ego, math.inf
+    sign = 1 if ego.vx > 0 else -1
+    for car in scene.in_range():
+        if abs(car.y - target) >= (car.width + ego.width) / 2:
+            continue
+        length = (car.length + ego.length) / 2
+        speeds = max(sign * car.vx, 0.0), max(sign * ego.vx, 0.0)
+        now = sign * (car.x - ego.x)
+        later = now + (speeds[0] - speeds[1]) * MARGIN_HORIZON
+        gap = -length if (now > 0) != (later > 0) else min(abs(now), abs(later)) - length
+        found = min(found, gap / max(speeds[1] if now > 0 else speeds[0], 1.0))
+    return found
+
+
+def test_the_margin_is_the_least_predicted_headway_in_the_way() -> None:
+    scenes = random_scenes(50, 12, seed=3)
+    targets = np.array([[scene.ego.y, scene.ego.y - 3.75, np.nan] for scene in scenes])
+    ours = margins(SceneBatch.of(scenes), targets)
+    for scene, row, mine in zip(scenes, targets, ours, strict=True):
+        assert mine[2] == math.inf
+        assert mine[:2].tolist() == pytest.approx([margin_of(scene, y) for y in row[:2]])
+
+
+def test_an_adversary_chooses_the_least_margin_among_what_is_offered() -> None:
+    class World:
+        seen = SceneBatch.of(random_scenes(40, 30, seed=5))
+
+        class decisions:
+            action_mask = np.random.default_rng(0).random((40, 3)) < 0.6
+
+        decisions.action_mask[:, 0] |= ~decisions.action_mask.any(axis=1)
+
+        def targets(self) -> np.ndarray:
+            return self.seen.y[:, :1] + np.array([0.0, -3.75, 3.75])
+
+    world = World()
+    chosen = POLICIES["adversarial"](world, np.zeros((40, 3)))  # type: ignore[arg-type]  # all it asks for
+    margin, mask = margins(world.seen, world.targets()), world.decisions.action_mask
+    assert len(set(chosen.tolist())) == 3
+    for row, action in enumerate(chosen):
+        assert mask[row, action]
+        assert margin[row, action] == margin[row][mask[row]].min()
+
+
+def test_json_counts_for_all_policies_and_for_each(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["stress", "freeway", "--episodes", "6", "--traffic", "reactive", "--drop-rate", "0.1"]
+    assert run([*arguments, "--position-noise", "0.5", "--latency", "0.2", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["episodes"] == 6
+    assert {"contacts_at_fault", "contacts_not_at_fault", "off_road", "fail_safe", "worst"} <= set(told)
+    assert {name: one["episodes"] for name, one in told["policies"].items()} == dict.fromkeys(POLICIES, 2)
+    for key in ("contacts_at_fault", "contacts_not_at_fault", "off_road", "steps", "lane_changes"):
+        assert told[key] == sum(one[key] for one in told["policies"].values())
+
+
+def test_numbers_out_of_range_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["stress", "freeway", "--drop-rate", "1.5"]) == 2
+    assert "--drop-rate: Input should be less than 1, got 1.5" in capsys.readouterr().err
+    assert run(["stress", "freeway", "--shield", "prediction", "--horizon", "0"]) == 2
+    assert "--horizon" in capsys.readouterr().err

@@ -1,0 +1,170 @@
+"""Traffic that reacts: recorded vehicles that brake for the ego instead of driving through it.
+
+A vehicle drives its recorded track until the Intelligent Driver Model has it brake, harder than the record
+does, for the ego or for another vehicle that has left the record. From then on it drives a *lag* behind its
+recorded place: where it is across the road, it is as recorded; along the road, it follows whoever is in its
+way, and makes up for its lag where there is room. It is never ahead of the record, and goes with its track.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving import idm
+from drlsl.driving.batch import SceneBatch
+from drlsl.driving.fault import Track
+from drlsl.driving.limits import BRAKING_LIMIT
+from drlsl.driving.playback import Courses, Film
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+SIDE_ROOM: Final = 0.5
+"""A vehicle ahead is in the way of one that would pass it by with less room between their sides [m]."""
+
+_LEAST_LAG: Final = 1e-6
+"""The lag of a vehicle that has left the record, but is where it was recorded [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cars:
+    """Who is where in N scenes, along the ego's direction of travel; all of shape (N, S).
+
+    `there`: the ego, and every recorded vehicle that does not come the other way.
+    """
+
+    s: Floats
+    y: Floats
+    speed: Floats
+    length: Floats
+    width: Floats
+    there: Mask
+
+    @classmethod
+    def of(cls, scenes: SceneBatch, sign: Floats, recorded: Mask) -> _Cars:
+        speed = sign * scenes.vx
+        there = recorded & (speed >= 0.0)
+        there[:, 0] = True
+        return cls(sign * scenes.x, scenes.y, speed, scenes.length, scenes.width, there)
+
+
+class ReactiveTraffic:
+    """Who lags behind the record, around each of N egos; `lag` [m] >= 0 and `speed` [m/s], shape (N, S)."""
+
+    def __init__(self, film: Film, count: int, memory: int) -> None:
+        """`memory`: for how many steps it is known who lagged."""
+        self._film = film
+        self.lag = np.zeros((count, film.valid.shape[1]))
+        self.speed = np.zeros_like(self.lag)
+        self._past: deque[tuple[Integers, Floats, Floats]] = deque(maxlen=memory)
+
+    def forget(self, ego: int) -> None:
+        """Put everybody around an ego back on the record."""
+        self.lag[ego] = 0.0
+
+    def advance(self, scenes: SceneBatch, courses: Courses, frame: Integers) -> None:
+        """Drive from `frame`, shape (N,), in which the egos are in `scenes`, to the next one."""
+        rows = courses.begin + np.minimum(frame, courses.frames - 1)
+        later = courses.begin + np.minimum(frame + 1, courses.frames - 1)
+        cars = _Cars.of(scenes, courses.sign[:, None], self._film.valid.take(rows, axis=0))
+        lagging = np.flatnonzero(self.lag)
+        followers, asked = _asked(cars, lagging)
+        places = np.union1d(followers, lagging)
+        if places.size:
+            demand = np.full(self.lag.size, np.inf)
+            np.minimum.at(demand, followers, asked)
+            self._drive(places, demand[places], cars.speed, courses, rows, later, frame + 1)
+            lagging = np.flatnonzero(self.lag)
+        self._past.append((lagging, self.lag.ravel()[lagging], self.speed.ravel()[lagging]))
+
+    def apply(self, numbers: Floats, sign: Floats, places: Integers | None) -> None:
+        """Put the vehicles that lag in their places in recorded `numbers`, shape (6, P, S)."""
+        lag, speed = (
+            (self.lag, self.speed)
+            if places is None
+            else (self.lag.take(places, axis=0), self.speed.take(places, axis=0))
+        )
+        row, slot = lag.nonzero()
+        numbers[0, row, slot] -= sign[row] * lag[row, slot]
+        numbers[2, row, slot] = sign[row] * speed[row, slot]
+
+    def driven(self, ego: int, slot: int, track: Track) -> Track:
+        """What became of a recorded track that ends now."""
+        s, speed = track.s.copy(), track.speed.copy()
+        place = ego * self.lag.shape[1] + slot
+        for back in range(1, min(len(s), len(self._past)) + 1):
+            lagging, lag, driven = self._past[-back]
+            index = int(np.searchsorted(lagging, place))
+            if index < len(lagging) and lagging[index] == place:
+                s[-back] -= lag[index]
+                speed[-back] = driven[index]
+        return replace(track, s=s, speed=speed)
+
+    def get_state(self) -> dict[str, Any]:
+        """Who lags, and who lagged."""
+        return {"lag": self.lag.copy(), "speed": self.speed.copy(), "past": list(self._past)}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave."""
+        self.lag, self.speed = state["lag"].copy(), state["speed"].copy()
+        self._past = deque(map(tuple, state["past"]), maxlen=self._past.maxlen)
+
+    def _drive(
+        self,
+        places: Integers,
+        demand: Floats,
+        speeds: Floats,
+        courses: Courses,
+        rows: Integers,
+        later: Integers,
+        frame: Integers,
+    ) -> None:
+        """Move the vehicles in `places` of (N, S) to `frame`; `demand` [m/s²]: what following asks."""
+        film = self._film
+        ego, slot = np.divmod(places, self.lag.shape[1])
+        sign, dt = courses.sign[ego], courses.dt[ego]
+        row, next_row = rows[ego], later[ego]
+        recorded_way = sign * (film.numbers[0, next_row, slot] - film.numbers[0, row, slot])
+        recorded_speed = np.maximum(sign * film.numbers[2, next_row, slot], 0.0)
+        lag, speed = self.lag[ego, slot], speeds[ego, slot]
+        wanted = np.minimum(demand, idm.free_acceleration(speed))
+        leaves = (lag > 0.0) | (wanted < np.minimum(0.0, (recorded_speed - speed) / dt))
+        # To catch up, but so that comfortable braking leads to the recorded place at the recorded speed.
+        fastest = recorded_speed + np.sqrt(2 * idm.COMFORTABLE_BRAKING * lag)
+        new = np.maximum(np.minimum(speed + wanted * dt, fastest), speed - BRAKING_LIMIT * dt)
+        new = np.maximum(new, 0.0)
+        behind = lag + recorded_way - (speed + new) / 2 * dt
+        back = (behind <= 0.0) & (new >= recorded_speed)
+        same = film.valid[next_row, slot] & (film.first[next_row, slot] < frame[ego])
+        self.lag[ego, slot] = np.where(leaves & ~back & same, np.maximum(behind, _LEAST_LAG), 0.0)
+        self.speed[ego, slot] = new
+
+
+def _asked(cars: _Cars, lagging: Integers) -> tuple[Integers, Floats]:
+    """What following asks [m/s²], and of whom, as places in the flattened scenes; one may be there twice.
+
+    Of those behind an ego, of those behind somebody who lags, and of those who lag.
+    """
+    count, slots = cars.s.shape
+    scene = np.concatenate((np.arange(count), lagging // slots))
+    leader = np.concatenate((np.zeros(count, dtype=np.int64), lagging % slots))
+    ahead = cars.s[scene] - cars.s[scene, leader][:, None]
+    near = np.abs(cars.y[scene] - cars.y[scene, leader][:, None])
+    near -= (cars.width[scene] + cars.width[scene, leader][:, None]) / 2
+    meets = (near < SIDE_ROOM) & cars.there[scene]
+    row, slot = (meets & (ahead < 0.0)).nonzero()
+    lag_row, lag_slot = (meets & (ahead > 0.0))[count:].nonzero()
+    rear = np.concatenate((scene[row] * slots + slot, lagging[lag_row]))
+    front = np.concatenate((scene[row] * slots + leader[row], lagging[lag_row] // slots * slots + lag_slot))
+    others = rear % slots != 0
+    rear, front = rear[others], front[others]
+    s, length, speed = cars.s.ravel(), cars.length.ravel(), cars.speed.ravel()
+    gap = s[front] - s[rear] - (length[front] + length[rear]) / 2
+    return rear, idm.acceleration(gap, speed[rear], speed[front])
