@@ -94,6 +94,8 @@ class Shield:
     def from_files(cls, paths: Sequence[str | Path], *, tier: str = "interpreter") -> Shield:
         """The shield of the program that `paths` hold, consulted in order; no path: the default program.
 
+        A name such as paper.pl, where there is no such file, means the program that ships with the package.
+
         Raises:
             UserError: a file cannot be read, or the program lacks a predicate that is asked.
             PrologError: a file is not a valid program.
@@ -101,7 +103,7 @@ class Shield:
         engine = Engine()
         for path in paths or default_rules():
             try:
-                engine.consult(path)
+                engine.consult(_found(path))
             except OSError as error:
                 raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
         return cls(engine, tier=tier)
@@ -220,6 +222,14 @@ def default_rules() -> tuple[Path, ...]:
         if (folder / "highway.pl").is_file():
             return (folder / "highway.pl",)
     raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
+
+
+def _found(path: str | Path) -> str | Path:
+    """A rule file, or the program of this name that ships with the package."""
+    if Path(path).exists() or len(Path(path).parts) > 1:
+        return path
+    shipped = default_rules()[0].parent / path
+    return shipped if shipped.is_file() else path
 
 
 def _is_number(value: object) -> TypeGuard[float]:

@@ -131,6 +131,15 @@ def test_a_number_that_is_none_is_never_overlooked(tier: str, field: str, who: s
     assert tested.decide_batch(SceneBatch.of([SCENE, SCENE])).failures == {}
 
 
+def test_a_name_means_a_program_that_ships(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert Shield.from_files(["paper.pl"]).engine.defines("critical_distance", 1)
+    (tmp_path / "paper.pl").write_text("\n".join(USABLE.values()))
+    assert not Shield.from_files(["paper.pl"]).engine.defines("critical_distance", 1)
+    with pytest.raises(UserError, match="cannot read the rule file"):
+        Shield.from_files(["no/paper.pl"])
+
+
 def test_files_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="cannot read the rule file"):
         Shield.from_files([tmp_path / "none.pl"])
