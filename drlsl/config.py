@@ -2,7 +2,7 @@
 
 import difflib
 import importlib.resources
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -333,11 +333,24 @@ def _ratio(one: str, other: str) -> float:
 
 
 def _explain(problem: ErrorDetails, source: str, places: Mapping[str, Position]) -> str:
-    path = ".".join(str(part) for part in problem["loc"])
+    path = _dotted(problem["loc"])
     text = problem["msg"].removeprefix("Value error, ")
     value = problem["input"]
     got = "" if isinstance(value, Mapping | BaseModel) else f", got {_show(value)}"
     return f"{_where(source, places, path)}{path}: {text[:1].lower()}{text[1:]}{got}"
+
+
+def _dotted(location: Iterable[int | str]) -> str:
+    """The path of a value without the names that pydantic gives the alternatives of its type."""
+    model: type[BaseModel] | None = TrainConfig
+    parts: list[str] = []
+    for part in location:
+        if isinstance(part, int):
+            parts.append(str(part))
+        elif model is not None and part in model.model_fields:
+            parts.append(part)
+            model = _section(model.model_fields[part].annotation)
+    return ".".join(parts)
 
 
 def _where(source: str, places: Mapping[str, Position], path: str) -> str:

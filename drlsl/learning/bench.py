@@ -3,8 +3,9 @@
 import importlib
 import importlib.util
 import statistics
-from collections.abc import Callable
-from time import perf_counter
+from collections import Counter
+from collections.abc import Callable, Mapping
+from time import perf_counter_ns
 from typing import Any, Final
 
 import gymnasium
@@ -14,15 +15,17 @@ import torch
 from drlsl import driving
 from drlsl.config import TrainConfig, make_config, merged, preset_values
 from drlsl.learning.fleet import VectorHighway, space_sizes
-from drlsl.learning.replay import Batch
 from drlsl.learning.session import make_training_env
 from drlsl.learning.trainer import Trainer, make_learner
 
-UPDATES: Final = 512
-"""Updates of each measurement."""
+UPDATES: Final = 128
+"""Updates of one kind before it is another kind's turn."""
 
-Measurement = Callable[[], float]
-"""Makes about `UPDATES` updates and gives how many a second."""
+TURNS: Final = 4
+"""Turns of each kind in a run: the machine may be busier now than a moment ago."""
+
+Turn = Callable[[], int]
+"""Makes about `UPDATES` updates and gives how many."""
 
 
 def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
@@ -38,63 +41,69 @@ def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
         "benchmark",
     )
     env = make_training_env(config)
-    measurements = {"bare_updates_per_s": _bare(env, config), "updates_per_s": _training(env, config)}
+    kinds = {"bare_updates_per_s": _bare(env, config), "updates_per_s": _training(env, config)}
     if importlib.util.find_spec("stable_baselines3"):
-        measurements["stable_baselines3_updates_per_s"] = _stable_baselines3(config)
-    found = [{name: measure() for name, measure in measurements.items()} for _ in range(runs + 1)]
-    # The first round warms up.
-    found = found[1:]
+        kinds["stable_baselines3_updates_per_s"] = _stable_baselines3(config)
+    _run(kinds)  # Warms up.
+    found = [_run(kinds) for _ in range(runs)]
     speeds: dict[str, Any] = {"num_envs": num_envs, "batch_size": config.learning.batch_size, "runs": runs}
-    speeds |= {name: statistics.median(one[name] for one in found) for name in measurements}
-    speeds["ratio"] = statistics.median(one["updates_per_s"] / one["bare_updates_per_s"] for one in found)
-    if "stable_baselines3_updates_per_s" in measurements:
+    speeds |= {name: statistics.median(run[name] for run in found) for name in kinds}
+    speeds["ratio"] = statistics.median(run["updates_per_s"] / run["bare_updates_per_s"] for run in found)
+    if "stable_baselines3_updates_per_s" in kinds:
         speeds["stable_baselines3_ratio"] = statistics.median(
-            one["updates_per_s"] / one["stable_baselines3_updates_per_s"] for one in found
+            run["updates_per_s"] / run["stable_baselines3_updates_per_s"] for run in found
         )
     return speeds
 
 
-def _bare(env: VectorHighway, config: TrainConfig) -> Measurement:
-    spaces = env.single_observation_space, env.single_action_space
-    agent, _ = make_learner(*spaces, config)
-    batch = _ready_batch(config.learning.batch_size, *space_sizes(*spaces))
+def _run(kinds: Mapping[str, Turn]) -> dict[str, float]:
+    """Updates a second of each kind."""
+    made, taken = Counter[str](), Counter[str]()
+    for _ in range(TURNS):
+        for name, turn in kinds.items():
+            started = perf_counter_ns()
+            made[name] += turn()
+            taken[name] += perf_counter_ns() - started
+    return {name: 1e9 * made[name] / taken[name] for name in kinds}
 
-    def measure() -> float:
-        started = perf_counter()
+
+def _bare(env: VectorHighway, config: TrainConfig) -> Turn:
+    agent, replay = make_learner(env.single_observation_space, env.single_action_space, config)
+    size, count = space_sizes(env.single_observation_space, env.single_action_space)
+    rng, rows = np.random.default_rng(0), config.learning.batch_size
+    # Transitions out of thin air: an update takes as long whatever they tell.
+    replay.add(
+        observations=rng.random((rows, size), np.float32),
+        actions=rng.integers(count, size=rows),
+        rewards=rng.random(rows),
+        next_observations=rng.random((rows, size), np.float32),
+        terminated=np.zeros(rows, np.bool_),
+        next_masks=np.ones((rows, count), np.bool_),
+    )
+    (batch,) = replay.sample(1)
+
+    def turn() -> int:
         for _ in range(UPDATES):
             agent.update(batch)
-        return UPDATES / (perf_counter() - started)
+        return UPDATES
 
-    return measure
-
-
-def _ready_batch(size: int, observed: int, actions: int) -> Batch:
-    """Transitions out of thin air: an update takes as long whatever they tell."""
-    generator = torch.Generator().manual_seed(0)
-    return Batch(
-        observations=torch.rand(size, observed, generator=generator),
-        actions=torch.randint(actions, (size,), generator=generator),
-        rewards=torch.rand(size, generator=generator),
-        next_observations=torch.rand(size, observed, generator=generator),
-        terminated=torch.zeros(size, dtype=torch.bool),
-        next_masks=torch.ones(size, actions, dtype=torch.bool),
-    )
+    return turn
 
 
-def _training(env: VectorHighway, config: TrainConfig) -> Measurement:
+def _training(env: VectorHighway, config: TrainConfig) -> Turn:
     trainer = Trainer(env, config)
     events = trainer.run()
 
-    def measure() -> float:
-        before, started = trainer.agent.updates, perf_counter()
+    def turn() -> int:
+        before = trainer.agent.updates
         while trainer.agent.updates < before + UPDATES:
             next(events)
-        return (trainer.agent.updates - before) / (perf_counter() - started)
+        return trainer.agent.updates - before
 
-    return measure
+    return turn
 
 
-def _stable_baselines3(config: TrainConfig) -> Measurement:
+def _stable_baselines3(config: TrainConfig) -> Turn:
     library = importlib.import_module("stable_baselines3")
     vectors = importlib.import_module("stable_baselines3.common.vec_env")
     learning, schedule = config.learning, config.schedule
@@ -118,12 +127,12 @@ def _stable_baselines3(config: TrainConfig) -> Measurement:
     )
     model.learn(2 * learning.learning_starts)
 
-    def measure() -> float:
-        before, started = model._n_updates, perf_counter()
+    def turn() -> int:
+        before = int(model._n_updates)
         model.learn(UPDATES, reset_num_timesteps=False)
-        return float(model._n_updates - before) / (perf_counter() - started)
+        return int(model._n_updates) - before
 
-    return measure
+    return turn
 
 
 class _Shielded(gymnasium.Wrapper[Any, np.int64, Any, np.int64]):
