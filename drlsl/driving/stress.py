@@ -51,7 +51,8 @@ def always_change(world: World, drawn: Floats) -> Actions:
 
 def adversarial(world: World, drawn: Floats) -> Actions:
     """The offered action with the least margin; of several, the first in the order of `Action`."""
-    margin = margins(world.seen, world.targets())
+    # Infinite room is not as bad as not being offered.
+    margin = np.minimum(margins(world.seen, world.targets()), np.finfo(np.float64).max)
     return np.asarray(np.argmin(np.where(world.decisions.action_mask, margin, np.inf), axis=1))
 
 

@@ -23,6 +23,20 @@ CONFIGS = [
     EnvConfig(recording=("highway-test", "freeway"), direction="both", track_length=40.0),
     EnvConfig(recording="highway-test", direction="right_to_left", track_length=40.0),
 ]
+MODES: list[dict[str, Any]] = [
+    {},
+    {"offers": "prediction", "prediction_horizon": 2.0},
+    {"offers": "all"},
+    {"traffic": "reactive"},
+    {"sensing": {"position_noise": 0.3, "speed_noise": 0.2, "drop_rate": 0.2, "latency": 0.2}},
+    {
+        "offers": "prediction",
+        "traffic": "reactive",
+        "sensing": {"position_noise": 0.5, "noise_time": 0.0, "drop_rate": 0.7, "latency": 0.35},
+    },
+]
+"""Ways in which an environment can differ from the default."""
+
 STEPS = 150
 """Enough for several episodes of 40 m, and for some that end off the road."""
 
@@ -61,10 +75,16 @@ def marked(info: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+def with_settings(settings: dict[str, Any]) -> list[EnvConfig]:
+    return [EnvConfig.model_validate({**config.model_dump(), **settings}) for config in CONFIGS]
+
+
+@pytest.mark.parametrize("settings", MODES)
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_it_is_the_environment_n_times(shield: Shield, mode: AutoresetMode) -> None:
-    ours = HighwayVectorEnv(CONFIGS, autoreset_mode=mode, shield=shield)
-    makers = [lambda config=config: HighwayEnv(config, shield=shield) for config in CONFIGS]
+def test_it_is_the_environment_n_times(shield: Shield, mode: AutoresetMode, settings: dict[str, Any]) -> None:
+    configs = with_settings(settings)
+    ours = HighwayVectorEnv(configs, autoreset_mode=mode, shield=shield)
+    makers = [lambda config=config: HighwayEnv(config, shield=shield) for config in configs]
     theirs = SyncVectorEnv(makers, autoreset_mode=mode)
     rng = np.random.default_rng(4)
     mine, other = ours.reset(seed=9), theirs.reset(seed=9)
@@ -107,15 +127,19 @@ def test_gymnasium_makes_it() -> None:
     assert env.step(env.action_space.sample())[0].shape == (2, 10)
 
 
-def test_a_world_goes_on_from_its_state(shield: Shield) -> None:
-    first, second = (HighwayVectorEnv(CONFIGS, shield=shield) for _ in range(2))
+@pytest.mark.parametrize("settings", MODES)
+def test_a_world_goes_on_from_its_state(shield: Shield, settings: dict[str, Any]) -> None:
+    first, second = (HighwayVectorEnv(with_settings(settings), shield=shield) for _ in range(2))
     rng = np.random.default_rng(0)
     actions = rng.integers(3, size=(2 * STEPS, len(CONFIGS)))
     first.reset(seed=3)
     for step in actions[:STEPS]:
         first.step(step)
     second.reset(seed=77)
-    second.set_state(first.get_state())
+    state = first.get_state()
+    second.set_state(state)
+    assert np.array_equal(first.action_masks(), second.action_masks())
+    assert all(first.world.scene(ego) == second.world.scene(ego) for ego in range(len(CONFIGS)))
     for step in actions[STEPS:]:
         for left, right in zip(first.step(step), second.step(step), strict=True):
             if isinstance(left, dict):

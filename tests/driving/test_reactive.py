@@ -1,0 +1,176 @@
+"""Traffic that reacts: who brakes for whom, and that all else is as recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drlsl.driving.actions import Action
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.fault import Verdict
+from drlsl.driving.playback import in_direction, playbacks_of
+from drlsl.driving.shield import Shield
+from drlsl.driving.world import StepResult, World
+from drlsl.traffic.recording import Recording
+from tests.driving.recordings import Drive, recording
+
+KEEP = np.array([Action.LANE_KEEPING])
+CREEP = """
+safe_actions(lane_keeping).  safe_actions(left_lane_change).  safe_actions(right_lane_change).
+front_is_free.  longitudinal_velocity({speed}).  state([0, 0, 0, 0, 0, 0, 0, 0, 0, 0]).
+entry_is_safe :- vehicle(ego, {lane}, _, _, _, _, _, _).
+"""
+
+
+def creeping(speed: float, lane: int) -> Shield:
+    """An ego in `lane` that goes for `speed`, whatever is around."""
+    from drlsl.logic import Engine
+
+    engine = Engine()
+    engine.consult_text(":- dynamic(vehicle/8).\n" + CREEP.format(speed=speed, lane=lane), name="creep")
+    return Shield(engine)
+
+
+def world(made: Recording, shield: Shield, traffic: str, direction: str = "left_to_right") -> World:
+    config = EnvConfig(recording="by-hand", direction=direction, traffic=traffic, track_length=300.0)  # type: ignore[arg-type]  # test values
+    one = World(config, [in_direction(playbacks_of([made], config.radar_range), config)], shield)
+    # An episode that begins in the first frames of the recording.
+    seed = next(seed for seed in range(10_000) if begin(seed, made.frame_count) < 5)
+    one.reset([0], [np.random.default_rng(seed)])
+    return one
+
+
+def begin(seed: int, frames: int) -> int:
+    """The frame that an episode of a seed begins in, where there is one playback."""
+    rng = np.random.default_rng(seed)
+    rng.integers(1)
+    return int(rng.integers(frames))
+
+
+def drive(one: World, steps: int) -> list[StepResult]:
+    results = []
+    for _ in range(steps):
+        results.append(one.step(KEEP))
+        if results[-1].terminated[0] or results[-1].truncated[0] or results[-1].entered[0]:
+            break
+    return results
+
+
+def place(result: StepResult, vehicle: int) -> tuple[float, float]:
+    """The x and vx of a vehicle."""
+    slot = result.scenes.id[0].tolist().index(vehicle)
+    return float(result.scenes.x[0, slot]), float(result.scenes.vx[0, slot])
+
+
+@pytest.mark.parametrize(("direction", "lane"), [("left_to_right", 4), ("right_to_left", 2)])
+def test_a_follower_brakes_for_the_ego_instead_of_driving_through_it(direction: str, lane: int) -> None:
+    back = 0.0 if direction == "left_to_right" else 420.0
+    others = [Drive(other, 200.0, 0.0) for other in (1, 3)]
+    made = recording([*others, Drive(lane, back, 25.0)], frames=450)
+    shield = creeping(10.0, lane)
+    recorded = drive(world(made, shield, "recorded", direction), 440)
+    assert recorded[-1].contacts[0].verdict is Verdict.STRUCK_FROM_BEHIND
+    reactive = drive(world(made, shield, "reactive", direction), 440)
+    assert not any(result.contacts for result in reactive)
+    ego, follower = place(reactive[len(recorded)], -1), place(reactive[len(recorded)], 2)
+    sign = 1 if direction == "left_to_right" else -1
+    assert sign * (ego[0] - follower[0]) > 4.6
+    assert 0.0 < sign * follower[1] < 20.0
+
+
+def test_who_follows_a_vehicle_that_brakes_brakes_too() -> None:
+    chain = [Drive(4, 0.0, 25.0), *(Drive(4, 0.0, 25.0, begin=frame) for frame in (30, 60, 90, 120))]
+    made = recording([*chain, Drive(1, 200.0, 0.0)], frames=450)
+    results = drive(world(made, creeping(8.0, 4), "reactive"), 440)
+    assert not any(result.contacts for result in results)
+    x = sorted(place(results[200], vehicle)[0] for vehicle in (-1, 0, 1, 2, 3, 4))
+    assert np.diff(x).min() > 4.6
+    assert all(place(results[200], vehicle)[1] < 24.0 for vehicle in (0, 1, 2, 3))
+
+
+def test_nobody_reacts_where_nobody_is_in_the_way() -> None:
+    made = recording([Drive(3, 0.0, 30.0), Drive(5, 0.0, 25.0), Drive(1, 400.0, 30.0)], frames=450)
+    runs = [drive(world(made, creeping(20.0, 4), traffic), 200) for traffic in ("recorded", "reactive")]
+    assert len(runs[0]) == len(runs[1]) == 200
+    for ours, theirs in zip(*runs, strict=True):
+        for name in ("x", "y", "vx", "vy", "id", "valid"):
+            assert np.array_equal(getattr(ours.scenes, name), getattr(theirs.scenes, name))
+        assert np.array_equal(ours.reward, theirs.reward)
+
+
+def test_a_vehicle_returns_to_the_record_and_stays_on_it() -> None:
+    # The ego speeds up and away; who had to brake for it catches up with its recorded place.
+    made = recording([Drive(4, 30.0, 15.0), Drive(1, 200.0, 0.0)], frames=600)
+    one, shield = None, creeping(30.0, 4)
+    for seed in range(2000):
+        if begin(seed, made.frame_count) > 60:
+            continue
+        config = EnvConfig(recording="by-hand", direction="left_to_right", traffic="reactive")
+        one = World(config, [in_direction(playbacks_of([made], 100.0), config)], shield)
+        one.reset([0], [np.random.default_rng(seed)])
+        ego = one.scene(0).ego
+        behind = [car for car in one.scene(0).vehicles if car.id == "v0" and 5.0 < ego.x - car.x < 9.0]
+        if behind:
+            break
+    assert one is not None
+    assert behind
+    lags = []
+    for result in drive(one, 300):
+        x, speed = place(result, 0)
+        lags.append(30.0 + 15.0 * one.frame_of(0) / 25.0 - x if not result.entered[0] else 0.0)
+        if lags[-1] == 0.0:
+            assert speed == 15.0
+    assert max(lags) > 0.5, "it had to brake"
+    assert min(lags) > -1e-9, "it never is ahead of the record"
+    assert lags[-1] == pytest.approx(0.0, abs=1e-9)
+    returned = next(index for index, lag in enumerate(lags) if lag == max(lags))
+    assert np.diff(lags[returned:]).max() < 1e-9
+
+
+def test_contacts_are_judged_by_where_vehicles_drove() -> None:
+    made = recording([Drive(4, 0.0, 25.0), Drive(1, 200.0, 0.0)], frames=450)
+    one = world(made, creeping(5.0, 4), "reactive")
+    results = drive(one, 250)
+    playback, frame = one.playback_of(0), one.frame_of(0)
+    slot = results[-1].scenes.id[0].tolist().index(0)
+    track = playback.track(frame, slot, frame - len(results) + 1)
+    reactive = one._reactive
+    assert reactive is not None
+    driven = reactive.driven(0, slot, track)
+    assert driven.s.tolist() == [place(result, 0)[0] for result in results[-len(driven.s) :]]
+    assert driven.speed.tolist() == [place(result, 0)[1] for result in results[-len(driven.s) :]]
+    assert (driven.s <= track.s).all()
+    assert driven.s[-1] < track.s[-1] - 10.0
+
+
+def test_the_lag_goes_with_the_vehicle_and_with_the_ego() -> None:
+    # One slot, used by one vehicle after the other.
+    made = recording([Drive(4, 0.0, 25.0, end=150), Drive(4, 0.0, 25.0, begin=151, end=300)], frames=300)
+    one = world(made, creeping(5.0, 4), "reactive")
+    lagged, fresh = False, False
+    while not fresh:
+        result = one.step(KEEP)
+        assert not result.contacts
+        lagged |= 0 in result.scenes.id[0] and place(result, 0)[1] < 24.0
+        if 1 in result.scenes.id[0]:
+            assert place(result, 1) == (0.0, 25.0)
+            fresh = True
+    assert lagged
+    one.reset([0], [np.random.default_rng(0)])
+    assert one._reactive is not None
+    assert not one._reactive.lag.any()
+
+
+def test_freeway_followers_no_longer_strike_the_ego() -> None:
+    from drlsl.driving.stress import stress
+    from drlsl.traffic.load import load_recording
+
+    shield, made = Shield.default(tier="auto"), load_recording("freeway")
+    counts = {}
+    for traffic in ("recorded", "reactive"):
+        config = EnvConfig(recording="freeway", traffic=traffic)  # type: ignore[arg-type]  # test values
+        *_, report = stress(config, [made], shield, ["random"], episodes=24, seed=0)
+        counts[traffic] = report.total
+    assert counts["recorded"].contacts_not_at_fault > 20
+    assert counts["reactive"].contacts_not_at_fault < 8
+    assert counts["reactive"].contacts_at_fault == counts["reactive"].off_road == 0
