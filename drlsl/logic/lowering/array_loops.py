@@ -10,11 +10,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final, Literal, TypeAlias
 
-from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.forms import Form, array_forms, atom_codes
-from drlsl.logic.lowering.ir import Node, relation_of
+from drlsl.logic.lowering.ir import QUANTIFIERS, SMALL, Node, reach, relation_of
 from drlsl.logic.lowering.loop_ops import MATH, NO_INTEGER, OPS
-from drlsl.logic.lowering.loops import LoopPrinter
+from drlsl.logic.lowering.loops import Item, LoopPrinter
 from drlsl.logic.lowering.lower import Lowered
 from drlsl.logic.lowering.names import Names
 from drlsl.logic.lowering.python_text import ATOMIC, CALLS, CHOICE, COMPARISON, OR, is_lookup, lookup_value
@@ -289,6 +288,67 @@ class ArrayLoopPrinter(LoopPrinter):
             return str(NO_INTEGER if greatest else -NO_INTEGER)
         return super().no_value(value, greatest=greatest)
 
+    # ---------------------------------------------------------------- what is done with a row
+
+    def leaves(self, loop: Node) -> bool:
+        return relation_of(loop).capacity > SMALL
+
+    def visit(self, items: Sequence[Item]) -> None:
+        # Which conditions a row meets is hard to foresee, and a wrong guess costs the processor more than
+        # computing what is not needed: only what all items have in common is worth a jump.
+        if not self._is_flat(items):
+            super().visit(items)
+            return
+        common = [cond for cond in items[0].conds if all(cond in item.conds for item in items)]
+        if not common or len(items) == 1:
+            self._update_all(items)
+            return
+        self.share(common)
+        with self.block(f"if {self._all_of(common)}:"):
+            self._update_all([item.without(common) for item in items])
+
+    def _is_flat(self, items: Sequence[Item]) -> bool:
+        """Whether it costs little to compute what the items need in every row."""
+        if len(items) == 1 and items[0].node.op in ("any", "first") and self.leaves(items[0].node.loop):
+            return False
+        parts = reach([node for item in items for node in (*item.conds, *item.values)], self.known)
+        return all(relation_of(part.args[0]).capacity <= SMALL for part in parts if part.op in QUANTIFIERS)
+
+    def _update_all(self, items: Sequence[Item]) -> None:
+        self.share(node for item in items for node in (*item.conds, *item.values))
+        for item in items:
+            if item.node.op == "where":
+                with self.block(f"if {self._all_of(item.conds)}:"):
+                    item.act()
+            else:
+                self._update(item, self._all_of(item.conds))
+
+    def _all_of(self, conds: Sequence[Node]) -> str:
+        strength = 10 if len(conds) > 1 else CHOICE
+        return " & ".join(self.text(cond, strength) for cond in conds) or "True"
+
+    def _update(self, item: Item, cond: str) -> None:
+        """Do what an item says where the condition holds, without a jump."""
+        node, name = item.node, self.known[item.node]
+        both = "" if cond == "True" else f"({cond}) & "
+        if node.op == "any":
+            self.write(f"{name} |= {cond}")
+        elif node.op == "count":
+            self.write(f"{name} += choose({cond}, 1, 0)")
+        elif node.op == "sum":
+            self.write(f"{name} += choose({cond}, {self.text(node.args[2], CHOICE)}, 0)")
+        elif node.op == "first":
+            self.write(f"{name} = choose({both}({name} < 0), {self.known[node.loop]}, {name})")
+        else:
+            value = self.known.get(node.args[2]) or self.assign(node.args[2])
+            better = self.names.new("better")
+            self.write(
+                f"{better} = {both}({value} {'<' if node.op in ('min_of', 'argmin') else '>'} {item.best})"
+            )
+            self.write(f"{item.best} = choose({better}, {value}, {item.best})")
+            if item.best != name:
+                self.write(f"{name} = choose({better}, {self.known[node.loop]}, {name})")
+
     # ---------------------------------------------------------------- values
 
     def truth(self, node: Node) -> tuple[str, int]:
@@ -308,11 +368,6 @@ class ArrayLoopPrinter(LoopPrinter):
 
     def atom(self, name: str) -> str:
         return str(self.codes[name])
-
-    def integer(self, value: int) -> str:
-        if abs(value) > NO_INTEGER:
-            raise NotLowerable("a rule", None, f"{value} is no integer of 64 bits")
-        return super().integer(value)
 
     def column(self, index: str, relation: Relation, column: int) -> str:
         given = self.given[relation]

@@ -11,7 +11,7 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from drlsl.logic.lowering.ir import QUANTIFIERS, Node, Pool, conjuncts, reach, relation_of
@@ -31,12 +31,21 @@ class _Loop:
 
 
 @dataclass(slots=True)
-class _Item:
-    """What a loop does with a row that meets conditions, tested in order."""
+class Item:
+    """What a loop does with a row that meets conditions, tested in order.
 
+    It computes `node`; `best` is the variable of the least or greatest value so far.
+    """
+
+    node: Node
     conds: tuple[Node, ...]
     values: tuple[Node, ...]
     act: Callable[[], None]
+    best: str = ""
+
+    def without(self, conds: Sequence[Node]) -> Item:
+        """The same where these conditions are known to hold."""
+        return replace(self, conds=tuple(cond for cond in self.conds if cond not in conds))
 
 
 class LoopPrinter(PythonText):
@@ -72,6 +81,10 @@ class LoopPrinter(PythonText):
     def is_dear(self, node: Node) -> bool:
         """Whether a value gets a variable even if it is used once."""
         return False
+
+    def leaves(self, loop: Node) -> bool:
+        """Whether a loop that looks for one row ends there."""
+        return True
 
     def no_value(self, value: Node, *, greatest: bool) -> str:
         """A number that is beyond every value."""
@@ -170,11 +183,11 @@ class LoopPrinter(PythonText):
         items = [self._item(member) for member in loop.members]
         self._loop(bound, items, leave=len(loop.members) == 1 and loop.members[0].op in ("any", "first"))
 
-    def _loop(self, bound: Node, items: list[_Item], *, leave: bool) -> None:
+    def _loop(self, bound: Node, items: list[Item], *, leave: bool) -> None:
         row = self.names.new(relation_of(bound).name)
         with self.each(bound, row):
-            self._items(items)
-            if leave:
+            self.visit(items)
+            if leave and self.leaves(bound):
                 # the last line is the action, at its own depth
                 last = self.lines[-1]
                 self.lines.append(last[: len(last) - len(last.lstrip())] + "break")
@@ -194,11 +207,11 @@ class LoopPrinter(PythonText):
             if node not in self.known:
                 self.assign(node)
 
-    def _item(self, node: Node) -> _Item:
+    def _item(self, node: Node) -> Item:
         """What computes a quantifier or a selection of rows, row by row."""
         name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, node.op)))
         parts = conjuncts(node.args[-1] if node.op == "where" else node.args[1])
-        conds = tuple(sorted((part for part in parts if not part.is_const), key=_is_costly))
+        conds = tuple(sorted((part for part in parts if not part.is_const), key=is_costly))
         loop = node.loop
 
         def row() -> str:
@@ -206,25 +219,25 @@ class LoopPrinter(PythonText):
 
         if node.op == "where":
             add = self.choose_rows(name, node)
-            return _Item(conds, (), lambda: add(row()))
+            return Item(node, conds, (), lambda: add(row()))
         if node.op == "any":
             self.write(f"{name} = False")
-            return _Item(conds, (), lambda: self.write(f"{name} = True"))
+            return Item(node, conds, (), lambda: self.write(f"{name} = True"))
         if node.op == "count":
             self.write(f"{name} = 0")
-            return _Item(conds, (), lambda: self.write(f"{name} += 1"))
+            return Item(node, conds, (), lambda: self.write(f"{name} += 1"))
         if node.op == "first":
             blank = self.no_row(relation_of(node))
             self.write(f"{name} = {blank}")
             none = self.is_none(name, relation_of(node))
-            return _Item(conds, (), lambda: self.write(f"{name} = {row()} if {none} else {name}"))
+            return Item(node, conds, (), lambda: self.write(f"{name} = {row()} if {none} else {name}"))
         value = node.args[2]
         if node.op == "sum":
             self.write(f"{name} = {self.text(node.args[3], CHOICE)}")
-            return _Item(conds, (value,), lambda: self.write(f"{name} += {self.text(value, CHOICE)}"))
+            return Item(node, conds, (value,), lambda: self.write(f"{name} += {self.text(value, CHOICE)}"))
         return self._extreme_item(node, name, conds, value)
 
-    def _extreme_item(self, node: Node, name: str, conds: tuple[Node, ...], value: Node) -> _Item:
+    def _extreme_item(self, node: Node, name: str, conds: tuple[Node, ...], value: Node) -> Item:
         least = node.op in ("min_of", "argmin")
         best = name
         if node.op in ("argmin", "argmax"):
@@ -239,11 +252,11 @@ class LoopPrinter(PythonText):
                 if best is not name:
                     self.write(f"{name} = {self.known[node.loop]}")
 
-        return _Item(conds, (value,), act)
+        return Item(node, conds, (value,), act, best)
 
-    def _items(self, items: Sequence[_Item]) -> None:
+    def visit(self, items: Sequence[Item]) -> None:
         """Do what the items say, testing a condition that several begin with only once."""
-        groups: dict[Node, list[_Item]] = {}
+        groups: dict[Node, list[Item]] = {}
         for item in items:
             if item.conds:
                 groups.setdefault(item.conds[0], []).append(item)
@@ -255,14 +268,14 @@ class LoopPrinter(PythonText):
         tests: list[Node] = []
         for cond, members in groups.items():
             test = cond
-            rest = [_Item(item.conds[1:], item.values, item.act) for item in members]
+            rest = [item.without(item.conds[:1]) for item in members]
             while (
                 len({item.conds[:1] for item in rest}) == 1
                 and rest[0].conds
-                and not _is_costly(rest[0].conds[0])
+                and not is_costly(rest[0].conds[0])
             ):
                 test = self.pool.and_([test, rest[0].conds[0]])
-                rest = [_Item(item.conds[1:], item.values, item.act) for item in rest]
+                rest = [item.without(item.conds[:1]) for item in rest]
             self.nested_quantifiers(cond)
             exclusive = all(self.pool.and_([before, cond]) is self.pool.false for before in chain)
             if not exclusive:
@@ -274,11 +287,11 @@ class LoopPrinter(PythonText):
                 head = f"{'elif' if chain else 'if'} {self.text(test, CHOICE)}:"
                 chain, tests = [*chain, cond], [*tests, test]
             with self.block(head):
-                self._items(rest)
+                self.visit(rest)
 
     # ---------------------------------------------------------------- sharing
 
-    def share(self, now: Iterable[Node], items: Sequence[_Item] = ()) -> None:
+    def share(self, now: Iterable[Node], items: Sequence[Item] = ()) -> None:
         """Name the values that are needed now and used more than once from here on."""
         now = list(now)
         later = list(dict.fromkeys(node for item in items for node in (*item.conds, *item.values))) or now
@@ -334,6 +347,6 @@ def _fixed_parts(node: Node) -> Iterator[Node]:
             yield from _fixed_parts(arg)
 
 
-def _is_costly(node: Node) -> bool:
+def is_costly(node: Node) -> bool:
     """Whether a condition needs a loop of its own."""
     return any(part.op in QUANTIFIERS and not is_lookup(part) for part in reach([node]))

@@ -68,10 +68,6 @@ class PythonText(ABC):
     def atom(self, name: str) -> str:
         """An atom."""
 
-    def integer(self, value: int) -> str:
-        """An integer."""
-        return repr(value)
-
     @abstractmethod
     def column(self, index: str, relation: Relation, column: int) -> str:
         """The value in one column of a row."""
@@ -97,8 +93,7 @@ class PythonText(ABC):
         if node.op == "const":
             if isinstance(node.data, Atom):
                 return self.atom(node.data.name), ATOMIC
-            text = self.integer(node.data) if node.kind == "int" else repr(node.data)
-            return text, ATOMIC if node.data >= 0 else UNARY
+            return repr(node.data), ATOMIC if node.data >= 0 else UNARY
         if node.op == "col":
             return self.column(self.text(args[0], ATOMIC), *node.data), ATOMIC
         if is_lookup(node):
