@@ -70,18 +70,22 @@ def margins(scenes: SceneBatch, targets: Floats) -> Floats:
     gap within 3 s at unchanged speeds, below 0 where one passes through the other, over the speed of the rear
     one, at least 1 m/s. Without a vehicle there, or where the action changes nothing, infinite.
     """
-    sign = np.where(scenes.vx[:, :1] < 0.0, -1.0, 1.0)
-    ahead = sign * (scenes.x[:, 1:] - scenes.x[:, :1])
-    speed = np.maximum(sign * scenes.vx, 0.0)
-    later = ahead + (speed[:, 1:] - speed[:, :1]) * MARGIN_HORIZON
-    length = (scenes.length[:, 1:] + scenes.length[:, :1]) / 2
+    scene, other = scenes.valid[:, 1:].nonzero()
+    other += 1
+    width = (scenes.width[scene, other] + scenes.width[scene, 0]) / 2
+    row, action = (np.abs(scenes.y[scene, other][:, None] - targets[scene]) < width[:, None]).nonzero()
+    scene, other = scene[row], other[row]
+    sign = np.where(scenes.vx[scene, 0] < 0.0, -1.0, 1.0)
+    ahead = sign * (scenes.x[scene, other] - scenes.x[scene, 0])
+    own, speed = (np.maximum(sign * scenes.vx[scene, slot], 0.0) for slot in (0, other))
+    later = ahead + (speed - own) * MARGIN_HORIZON
+    length = (scenes.length[scene, other] + scenes.length[scene, 0]) / 2
     gap = np.minimum(np.abs(ahead), np.abs(later)) - length
     gap = np.where(ahead * later <= 0.0, -length, gap)
-    rear = np.where(ahead > 0.0, speed[:, :1], speed[:, 1:])
-    headway = np.where(scenes.valid[:, 1:], gap / np.maximum(rear, 1.0), np.inf)
-    width = (scenes.width[:, 1:] + scenes.width[:, :1]) / 2
-    in_way = np.abs(scenes.y[:, None, 1:] - targets[..., None]) < width[:, None]
-    return np.asarray(np.where(in_way, headway[:, None], np.inf).min(axis=2, initial=np.inf))
+    headway = gap / np.maximum(np.where(ahead > 0.0, own, speed), 1.0)
+    result = np.full(targets.shape, np.inf)
+    np.minimum.at(result, (scene, action), headway)
+    return result
 
 
 @dataclass(frozen=True, slots=True)
