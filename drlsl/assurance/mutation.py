@@ -11,7 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from drlsl.assurance.asking import WRONG, Generated, Interpreter, decision_problem, first_line, problem_of
+from drlsl.assurance.asking import (
+    WRONG,
+    Asker,
+    Generated,
+    Interpreter,
+    decision_problem,
+    first_line,
+    problem_of,
+)
 from drlsl.assurance.checks import Case, Question
 from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.assurance.coverage import Traces, measure
@@ -78,7 +86,11 @@ class Score:
         return self.killed / len(self.verdicts) if self.verdicts else 1.0
 
 
-class Tester:
+class TiersDisagree(Exception):
+    """Generated code and the interpreter answer differently: a fault of DRLSL and not of the rules."""
+
+
+class MutantTester:
     """Puts mutants into a program, one after the other, and asks the tables about each."""
 
     def __init__(self, rules: Sequence[Path], cases: Sequence[Case]) -> None:
@@ -105,31 +117,39 @@ class Tester:
         except PrologError as error:
             killed_by: str | None = f"not a clause: {first_line(error)}"
         else:
-            with _in_place(mutant.clause.clause.predicate, clauses):
-                killed_by = self._killer(mutant.clause)
+            try:
+                with _in_place(mutant.clause.clause.predicate, clauses):
+                    killed_by = self._killer(mutant.clause)
+            except TiersDisagree as fault:
+                raise TiersDisagree(f"{mutant.name}: {fault}") from fault
         return Verdict(mutant.name, mutant.kind, mutant.place, mutant.before, mutant.after, killed_by)
 
     def _killer(self, clause: ClauseText) -> str | None:
         """The first check that fails, by place and question."""
         keys = self._relevant(clause)
         for key in keys[:_FIRST]:
-            if problem_of(self._interpreter, self._cases[key[0]], key[1]) is not None:
+            if self._problem(self._interpreter, key) is not None:
                 return self._noticed(key)
         generated = Generated(self._engine, self._interpreter)
         by_question: dict[Question, list[Key]] = {}
         for key in keys[_FIRST:]:
             by_question.setdefault(self._question(key), []).append(key)
         for question, group in by_question.items():
-            asker = (
-                generated if len(group) >= _WORTHWHILE and _can(generated, question) else self._interpreter
-            )
+            quickly = len(group) >= _WORTHWHILE and _can(generated, question)
             for key in group:
-                if problem_of(asker, self._cases[key[0]], key[1]) is not None:
-                    return self._noticed(key)
+                problem = self._problem(generated if quickly else self._interpreter, key)
+                if problem is None:
+                    continue
+                if quickly and self._problem(self._interpreter, key) is None:
+                    raise TiersDisagree(f"{self._words(key)}: right on the interpreter, on scalar {problem}")
+                return self._noticed(key)
         for case in self._cases:
             if case.fails is not None and decision_problem(self._shield, case) is not None:
                 return f"{case.place} decision"
         return None
+
+    def _problem(self, asker: Asker, key: Key) -> str | None:
+        return problem_of(asker, self._cases[key[0]], key[1])
 
     def _relevant(self, clause: ClauseText) -> list[Key]:
         """The checks that may depend on a clause, likely ones first.
@@ -159,6 +179,9 @@ class Tester:
 
     def _noticed(self, key: Key) -> str:
         self._lucky = [key, *(other for other in self._lucky if other != key)]
+        return self._words(key)
+
+    def _words(self, key: Key) -> str:
         case = self._cases[key[0]]
         return f"{case.place} {case.checks[key[1]].what}"
 
@@ -264,7 +287,7 @@ def _share(
     rules: Sequence[Path], cases: Sequence[Case], job: int, jobs: int
 ) -> list[tuple[int, list[Verdict]]]:
     """The verdicts on every `jobs`-th clause, with the clause's number."""
-    tester = Tester(rules, cases)
+    tester = MutantTester(rules, cases)
     return [(number, tester.test_clause(number)) for number in range(job, len(tester.clauses), jobs)]
 
 

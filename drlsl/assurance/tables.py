@@ -101,13 +101,20 @@ def _scene_cases(file: YamlFile, base: Mapping[str, Any], index: int, scene: obj
     rows = scene.get("rows")
     below = laid_over(base, {key: value for key, value in scene.items() if key != "rows"})
     if rows is None:
-        yield from _cases(file, file.checked(CaseRow, below, [], place), place)
+        yield from _cases(file, _checked_row(file, below, place, place), place)
         return
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise file.error([*place, "rows"], "rows: expected a list of overrides of this scene")
     for number, row in enumerate(rows):
         own = [*place, "rows", number]
-        yield from _cases(file, file.checked(CaseRow, laid_over(below, row), [], place, own), own)
+        yield from _cases(file, _checked_row(file, laid_over(below, row), place, own), own)
+
+
+def _checked_row(
+    file: YamlFile, values: Mapping[str, Any], scene: Sequence[int | str], own: Sequence[int | str]
+) -> CaseRow:
+    _refuse_cut_goals(file, values.get("goals"), own)
+    return file.checked(CaseRow, values, [], scene, own)
 
 
 def laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -181,6 +188,14 @@ def _section_checks(sections: Mapping[Section, str | None]) -> Iterator[Check]:
         for word, holds in (("busy", car is not None), ("free", car is None)):
             goal = f"{section}_is_{word}"
             yield Holds(goal, Question(goal, "holds"), holds)
+
+
+def _refuse_cut_goals(file: YamlFile, goals: object, place: Sequence[int | str]) -> None:
+    """A comma in a goal without quotes ends it for YAML, and leaves it without an answer."""
+    for goal, answer in goals.items() if isinstance(goals, dict) else ():
+        if answer is None:
+            hint = "; between braces a goal with a comma needs quotes" if "(" in str(goal) else ""
+            raise file.error([*place, "goals", goal], f"goals: {goal} has no answer{hint}")
 
 
 def _goal_check(goal: str, expected: bool | Bindings | list[Bindings], tolerance: float) -> Check:

@@ -1,0 +1,124 @@
+"""What notices slips in the rules that ship: their tables, and for highway.pl the oracle besides."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from drlsl.assurance.checks import Case, Holds, Offered, Question
+from drlsl.assurance.clause_text import clause_texts
+from drlsl.assurance.mutants import mutants_of
+from drlsl.assurance.mutation import MutantTester, score
+from drlsl.assurance.reasons import reasons_of
+from drlsl.driving.shield import Shield
+from drlsl.errors import UserError
+from tests.assurance.evidence import RULES, oracle_cases, table_cases
+from tests.driving.test_shield import SCENE
+
+HIGHWAY, PAPER = RULES / "highway.pl", RULES / "paper.pl"
+EVERY = 40
+
+
+@pytest.mark.parametrize("program", [HIGHWAY, PAPER], ids=lambda path: path.name)
+def test_some_mutants_are_noticed_or_explained(program: Path) -> None:
+    tester = MutantTester([program], table_cases(program))
+    reasons = reasons_of([program])
+    for mutant in tester.mutants[::EVERY]:
+        verdict = tester.verdict(mutant)
+        assert (verdict.killed_by is None) == (verdict.name in reasons), verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("program", "least"), [(HIGHWAY, 0.97), (PAPER, 0.95)], ids=["highway.pl", "paper.pl"]
+)
+def test_the_tables_notice_every_mutant_that_can_be_noticed(program: Path, least: float) -> None:
+    found = score([program], table_cases(program), reasons_of([program]))
+    assert found.share >= least
+    assert [verdict.name for verdict in found.unexplained] == []
+
+
+@pytest.mark.slow
+def test_what_the_tables_cannot_notice_the_oracle_cannot_either() -> None:
+    """A survivor with a reason is as the rules say in every scene, or the reason is wrong."""
+    tester = MutantTester([HIGHWAY], oracle_cases(300))
+    reasons = reasons_of([HIGHWAY])
+    survivors = [mutant for mutant in tester.mutants if mutant.name in reasons]
+    assert len(survivors) == len(reasons)
+    assert [(m.name, tester.verdict(m).killed_by) for m in survivors] == [(m.name, None) for m in survivors]
+
+
+PROGRAM = """
+safe_actions(lane_keeping).
+safe_actions(left_lane_change) :- far(40), \\+ near.
+front_is_free.
+longitudinal_velocity(V) :- V is 10.0.
+state([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5]).
+entry_is_safe.
+far(D) :- D > 30.
+near :- fail.
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.pl"
+    path.write_text(PROGRAM)
+    return path
+
+
+def case(*wanted: str) -> Case:
+    return Case("t:1", "t", SCENE, (Offered("actions", Question("safe_actions(A)", "all"), wanted),))
+
+
+def test_survivors_are_told_with_place_and_text(program: Path) -> None:
+    found = score([program], [case("lane_keeping", "left_lane_change")])
+    survivors = {verdict.name: verdict for verdict in found.survivors}
+    boundary = survivors["far/1 clause 1: D > 30 ==> D >= 30"]
+    assert boundary.place == f"{program}:8:13"
+    assert (boundary.before, boundary.after) == ("D > 30", "D >= 30")
+    assert "far/1 clause 1: D > 30 ==> D < 30" not in survivors
+    assert "entry_is_safe/0 clause 1: left out" in survivors, "no case asks for it"
+    killed = {verdict.name: verdict.killed_by for verdict in found.verdicts if verdict.killed_by}
+    assert killed["safe_actions/1 clause 2: \\+ near ==> near"] == "t:1 actions"
+    assert killed["safe_actions/1 clause 1: left out"] == "t:1 actions"
+    assert killed["far/1 clause 1: left out"] == "t:1 actions", "a call of what nobody defines"
+
+
+def test_processes_share_the_work(program: Path) -> None:
+    cases = [case("lane_keeping", "left_lane_change")]
+    assert score([program], cases, jobs=2) == score([program], cases)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("far/1 clause 1: D > 30 ==> D < 30", "t:1 actions notices it"),
+        ("far/1 clause 1: D > 31 ==> D < 31", "which there is not; did you mean 'far/1 clause 1: D > 30"),
+    ],
+)
+def test_a_reason_for_what_is_no_survivor_is_an_error(program: Path, name: str, message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        score([program], [case("lane_keeping", "left_lane_change")], {name: "because"})
+
+
+def test_the_program_is_as_before_when_all_mutants_were_tried(program: Path) -> None:
+    tester = MutantTester([program], [case("lane_keeping", "left_lane_change")])
+    for number in range(len(tester.clauses)):
+        tester.test_clause(number)
+    fresh = mutants_of(clause_texts(Shield.from_files([program]).engine.program))
+    assert [mutant.name for mutant in tester.mutants] == [mutant.name for mutant in fresh]
+    unchanged = next(
+        mutant for mutant in tester.mutants if mutant.name == "far/1 clause 1: D > 30 ==> D >= 30"
+    )
+    assert tester.verdict(unchanged).killed_by is None
+
+
+def test_a_mutant_that_never_ends_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "loop.pl"
+    path.write_text(PROGRAM + "left_turn :- right_turn.\nright_turn :- fail.\n")
+    cases = [Case("t:1", "t", SCENE, (Holds("turn", Question("left_turn", "holds"), False),))]
+    tester = MutantTester([path], cases)
+    endless = next(m for m in tester.mutants if m.name == "left_turn/0 clause 1: right_turn ==> left_turn")
+    assert tester.verdict(endless).killed_by == "t:1 turn"
