@@ -13,7 +13,9 @@ from drlsl.learning.replay import Batch
 SIZE, ACTIONS = 4, 3
 
 
-def agent(*, seed: int = 0, target_every: int = 1_000, bootstrap: Bootstrap = "all") -> DqnAgent:
+def agent(
+    *, seed: int = 0, target_every: int = 1_000, bootstrap: Bootstrap = "all", device: str = "cpu"
+) -> DqnAgent:
     learning = LearningConfig(
         batch_size=16, learning_starts=16, target_every=target_every, bootstrap=bootstrap
     )
@@ -24,7 +26,7 @@ def agent(*, seed: int = 0, target_every: int = 1_000, bootstrap: Bootstrap = "a
         learning,
         rng=np.random.default_rng(seed),
         generator=torch.Generator().manual_seed(seed),
-        device=torch.device("cpu"),
+        device=torch.device(device),
     )
 
 
@@ -270,3 +272,22 @@ def test_layers_are_drawn_within_pytorchs_bounds() -> None:
         bound = weight.shape[0] ** -0.5
         assert 0.9 * bound < weight.abs().max().item() <= bound
         assert 0.0 < bias.abs().max().item() <= bound
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_gpu_learns_the_same() -> None:
+    here, there = (
+        agent(target_every=3, bootstrap="safe"),
+        agent(target_every=3, bootstrap="safe", device="cuda"),
+    )
+    for step in range(7):
+        batch = random_batch(step)
+        loss = there.update(Batch(*(field.cuda() for field in batch)))
+        assert loss == pytest.approx(here.update(batch), rel=1e-3)
+    observations = np.random.default_rng(0).random((5, SIZE), np.float32)
+    np.testing.assert_allclose(
+        there.policy.values(observations), here.policy.values(observations), rtol=1e-2, atol=1e-3
+    )
+    restored = agent(seed=9)
+    restored.set_state(there.get_state())
+    assert torch.equal(restored.network.parameters, there.network.parameters.cpu())

@@ -141,3 +141,24 @@ def test_a_terminal_state_may_offer_nothing() -> None:
     replay = filled(4, 0)
     replay.add(**transitions(0) | {"terminated": np.array([True]), "next_masks": np.zeros((1, 2), np.bool_)})
     assert len(replay) == 1
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_gpu_is_given_the_same_minibatches() -> None:
+    here, there = (
+        Replay(
+            100,
+            OBSERVED,
+            ACTIONS,
+            np.random.default_rng(0),
+            batch_size=16,
+            batches=2,
+            device=torch.device(device),
+        )
+        for device in ("cpu", "cuda")
+    )
+    for replay in (here, there):
+        replay.add(**transitions(*range(60)))
+    for _ in range(3):
+        for mine, theirs in zip(here.sample(2), there.sample(2), strict=True):
+            assert all(torch.equal(one, other.cpu()) for one, other in zip(mine, theirs, strict=True))
