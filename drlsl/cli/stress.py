@@ -18,7 +18,7 @@ def stress(
     recording: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Bundled recordings' names, highD folders or NGSIM files to drive in; all that are bundled."
+            help="Bundled recordings' names, highD folders or NGSIM files to drive in; none: all bundled."
         ),
     ] = None,
     policy: Annotated[
@@ -37,7 +37,7 @@ def stress(
         ),
     ] = None,
     horizon: Annotated[
-        float | None, typer.Option(help="Seconds that the prediction looks ahead.", show_default="3")
+        float | None, typer.Option(help="Seconds that the prediction looks ahead; default: 3.")
     ] = None,
     traffic: Annotated[
         Literal["recorded", "reactive"],
