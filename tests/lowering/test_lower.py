@@ -141,6 +141,7 @@ CARS = [("ego", 1, 0.0), ("a", 1, 7.0), ("b", 2, 3.0), ("c", 1, 3.0)]
         ("p(X) :- steps(N), X is N ** 2.", "p/1", "first", 9.0),
         ("p(X) :- steps(N), X is N ^ 2.", "p/1", "first", 9),
         ("p(X) :- limit(L), X is max(3, L).", "p/1", "first", 10.0),
+        ("p(X) :- limit(L), car(a, _, Y), X is min(L, Y) - 2 * max(Y, L).", "p/1", "first", -13.0),
         ("p(X) :- limit(L), X is max(10, L).", "p/1", "first", 10.0),
         ("p(X) :- limit(L), X is min(10, L).", "p/1", "first", 10),
         ("p(X) :- limit(L), X is max(30, L) + 1.", "p/1", "first", 31),
