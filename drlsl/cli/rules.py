@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from drlsl.cli import rules_test
+from drlsl.cli import rules_test, verify
 
 if TYPE_CHECKING:
     from drlsl.logic import Engine
     from drlsl.logic.lowering.check import PredicateReport, Report
     from drlsl.logic.lowering.lower import Lowered, Query
 
-app = typer.Typer(help="Check and test rule programs, and show the code they become.", no_args_is_help=True)
+app = typer.Typer(
+    help="Check, test and verify rule programs, and show the code they become.", no_args_is_help=True
+)
 app.command("test")(rules_test.run_tables)
+app.command("verify")(verify.verify)
 
 Files = Annotated[
     list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")

@@ -1,0 +1,155 @@
+"""`drlsl rules verify`: prove properties of a rule program, or show scenes that break them."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from drlsl.verify.report import Report, Request, Result
+
+
+def verify(
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
+    ] = None,
+    properties: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--property",
+            metavar="FILE",
+            help="A file of properties instead of properties.pl; give it again for more.",
+        ),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="NAME", help="Only this property; give it again for more."),
+    ] = None,
+    vehicles: Annotated[int, typer.Option(min=0, help="Up to so many vehicles besides the ego.")] = 6,
+    time_limit: Annotated[
+        float, typer.Option(min=0.1, help="Seconds for one property on one kind of road.")
+    ] = 60.0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the scenes that break a property here, with pictures."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Prove properties over all scenes, or find one that breaks them; status 1 unless all are proved."""
+    from drlsl.errors import UserError
+
+    if find_spec("z3") is None:
+        raise UserError("proofs need z3-solver: pip install 'drlsl[verify]'")
+    from drlsl.verify.report import Request
+    from drlsl.verify.report import verify as run
+
+    if out is not None and out.exists():
+        raise UserError(f"{out} exists; name a new folder for the scenes")
+    request = Request(
+        rules=tuple(files or ()),
+        properties=tuple(properties or ()),
+        vehicles=vehicles,
+        only=tuple(only or ()),
+        time_limit=time_limit,
+        jobs=jobs or os.cpu_count() or 1,
+    )
+    with _progress() as progress:
+        report = run(request, progress)
+    if out is not None:
+        _write_scenes(request, report, out)
+    if as_json:
+        print(json.dumps(_as_json(report, request), indent=2))
+    else:
+        print("\n".join(_lines(report, request, out)))
+    if any(result.status != "proved" for result in report.results):
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield lambda _done, _all: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("roads"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("roads", total=None)
+        yield lambda done, every: bar.update(task, completed=done, total=every)
+
+
+def _as_json(report: Report, request: Request) -> dict[str, object]:
+    return {
+        "vehicles": request.vehicles,
+        "roads": report.cases,
+        "ranges": {name: [float(low), float(high)] for name, (low, high) in report.ranges.items()},
+        "results": [result.as_json() for result in report.results],
+    }
+
+
+def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
+    """What a person reads."""
+    from drlsl.verify.ranges import NAMES
+
+    for result in report.results:
+        yield f"{result.status:<8} {result.name:<24} {_extent(result):<24} {result.seconds:8.1f} s"
+        yield f"         {result.text}"
+        if result.reason:
+            yield f"         because {result.reason}"
+        if result.counterexample is not None:
+            yield from (f"         {line}" for line in _scene_lines(result, out))
+    counts = {
+        status: sum(result.status == status for result in report.results)
+        for status in ("proved", "refuted", "unknown")
+    }
+    yield ""
+    yield ", ".join(f"{count} {status}" for status, count in counts.items() if count)
+    yield f"over {report.cases} kinds of road with up to {request.vehicles} vehicles besides the ego, and"
+    for name, (low, high) in report.ranges.items():
+        yield f"  {NAMES[name]:<34} {float(low):g} to {float(high):g}"
+
+
+def _extent(result: Result) -> str:
+    if result.for_any_number:
+        return "any number of vehicles"
+    if result.counterexample is not None:
+        count = len(result.counterexample.scene.vehicles)
+        return f"{count} vehicle{'s' * (count != 1)}"
+    return f"up to {result.vehicles} vehicles"
+
+
+def _scene_lines(result: Result, out: Path | None) -> Iterator[str]:
+    """A counterexample in a few words, and where it is."""
+    found = result.counterexample
+    assert found is not None
+    if found.error is not None:
+        yield f"the rules raise an error: {found.error}"
+    scene = found.scene
+    yield f"ego in lane {scene.ego.lane}, steering for {scene.target_lane}, at {scene.ego.vx:.4g} m/s"
+    for car in scene.vehicles:
+        mark = ", in focus" if car.id == found.focus else ""
+        ahead, aside = car.x - scene.ego.x, car.y - scene.ego.y
+        place = f"{ahead:+.4g} m along x, {aside:+.4g} m along y"
+        yield f"{car.id} in lane {car.lane} at {place}, {car.vx:.4g} m/s{mark}"
+    yield f"scene: {out / f'{result.name}.json'}" if out is not None else "--out DIR writes the scene"
+
+
+def _write_scenes(request: Request, report: Report, out: Path) -> None:
+    """A scene file and a picture for every counterexample."""
+    from drlsl.verify.gallery import write_counterexample
+
+    refuted = [result for result in report.results if result.counterexample is not None]
+    out.mkdir(parents=True)
+    for result in refuted:
+        write_counterexample(request, result, out)

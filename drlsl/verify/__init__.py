@@ -1,0 +1,1 @@
+"""Proofs of properties of rule programs, and scenes that break them, by an SMT solver."""

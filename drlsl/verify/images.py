@@ -1,0 +1,231 @@
+"""Rules asked about another scene than the one at hand: its mirror image, or one of its vehicles alone.
+
+A property may say ``in(Image, Goal)``: Goal, asked in the image. The image is given by clauses
+``image(Image, Fact, Goal)``: there the facts are the instances of Fact for which Goal holds here. `expand`
+makes it plain Prolog, by copies of the predicates that depend on those facts; interpreter, generated code and
+solver then all read the same program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Final, TypeAlias
+
+from drlsl.errors import UserError
+from drlsl.logic import Engine
+from drlsl.logic.program import Clause, Program
+from drlsl.logic.terms import Atom, Struct, Term, deref
+
+Indicator: TypeAlias = tuple[str, int]
+
+GOAL_ARGUMENTS: Final[dict[Indicator, tuple[int, ...]]] = {
+    (",", 2): (0, 1),
+    (";", 2): (0, 1),
+    ("|", 2): (0, 1),
+    ("->", 2): (0, 1),
+    ("*->", 2): (0, 1),
+    ("\\+", 1): (0,),
+    ("not", 1): (0,),
+    ("once", 1): (0,),
+    ("ignore", 1): (0,),
+    ("forall", 2): (0, 1),
+    ("findall", 3): (1,),
+    ("findall", 4): (1,),
+    ("aggregate_all", 3): (1,),
+    ("aggregate_all", 4): (2,),
+}
+"""The arguments of control constructs and builtins that are goals."""
+
+IN: Final = ("in", 2)
+
+
+def indicator(goal: Term) -> Indicator | None:
+    """Name and arity of a goal; None for a variable or a number."""
+    goal = deref(goal)
+    if isinstance(goal, Struct):
+        return goal.name, len(goal.args)
+    return (goal.name, 0) if isinstance(goal, Atom) else None
+
+
+def calls(goal: Term) -> Iterator[Indicator]:
+    """The predicates that a goal calls, also inside control constructs; `in` counts as what it asks."""
+    goal = deref(goal)
+    called = indicator(goal)
+    if called is None:
+        return
+    if isinstance(goal, Struct) and (called in GOAL_ARGUMENTS or called == IN):
+        for place in GOAL_ARGUMENTS.get(called, (1,)):
+            yield from calls(goal.args[place])
+    elif isinstance(goal, Struct) and goal.name == "call":
+        closure = indicator(goal.args[0])
+        if closure is not None and len(goal.args) == 1:
+            yield from calls(goal.args[0])
+        elif closure is not None:
+            yield closure[0], closure[1] + len(goal.args) - 1
+    else:
+        yield called
+
+
+def rewritten(goal: Term, change: Callable[[Term], Term | None]) -> Term:
+    """A goal with `change` applied to each goal in it that it has something else for."""
+    goal = deref(goal)
+    changed = change(goal)
+    if changed is not None:
+        return changed
+    called = indicator(goal)
+    if isinstance(goal, Struct) and called in GOAL_ARGUMENTS:
+        places = GOAL_ARGUMENTS[called]
+        args = (rewritten(arg, change) if n in places else arg for n, arg in enumerate(goal.args))
+        return Struct(goal.name, tuple(args))
+    if isinstance(goal, Struct) and called == ("call", 1):
+        return rewritten(goal.args[0], change)
+    return goal
+
+
+def expand(engine: Engine) -> None:
+    """Replace every ``in(Image, Goal)`` of an engine's clauses by a goal over copies of what it calls.
+
+    Raises:
+        UserError: an image has no clauses, or a rule calls a goal that is not known before it runs.
+    """
+    images: dict[str, _Copies] = {}
+
+    def change(goal: Term) -> Term | None:
+        if indicator(goal) != IN or not isinstance(goal, Struct):
+            return None
+        name = deref(goal.args[0])
+        if not isinstance(name, Atom):
+            raise UserError("in/2 needs the name of an image as its first argument")
+        if name.name not in images:
+            images[name.name] = _Copies(engine.program, name.name)
+        return rewritten(goal.args[1], images[name.name].change)
+
+    for predicate in list(engine.program.predicates.values()):
+        if predicate.rows is None and any(IN in _shallow(clause.body) for clause in predicate.clauses):
+            predicate.replace(
+                [_with_body(clause, rewritten(clause.body, change)) for clause in predicate.clauses]
+            )
+
+
+def _shallow(goal: Term) -> Iterator[Indicator]:
+    """The goals of a goal, `in` among them."""
+    goal = deref(goal)
+    called = indicator(goal)
+    if called is not None:
+        yield called
+    if isinstance(goal, Struct):
+        for place in GOAL_ARGUMENTS.get(called or ("", 0), (0,) if called == ("call", 1) else ()):
+            yield from _shallow(goal.args[place])
+
+
+def _with_body(clause: Clause, body: Term) -> Clause:
+    return Clause(clause.head, body, clause.span, clause.names, clause.source, clause.origin)
+
+
+class _Copies:
+    """The predicates of a program as they are in one image."""
+
+    def __init__(self, program: Program, image: str) -> None:
+        self._program = program
+        self._image = image
+        self._facts = self._declared()
+        self._affected = affected(program, self._facts)
+        self._made: set[Indicator] = set()
+
+    def _declared(self) -> dict[Indicator, list[tuple[Term, Term]]]:
+        """The facts of the image: heads with their bodies."""
+        facts: dict[Indicator, list[tuple[Term, Term]]] = {}
+        predicate = self._program.find("image", 3)
+        for clause in predicate.clauses if predicate is not None else ():
+            name, fact, goal = map(deref, clause.args)
+            key = indicator(fact)
+            if isinstance(name, Atom) and name.name == self._image and key is not None:
+                facts.setdefault(key, []).append((fact, goal))
+        if not facts:
+            raise UserError(
+                f"in({self._image}, ...): no clause image({self._image}, Fact, Goal) says what it is"
+            )
+        return facts
+
+    def change(self, goal: Term) -> Term | None:
+        """The copy's goal in place of a goal that the image concerns."""
+        key = indicator(goal)
+        if key is None:
+            raise UserError(f"a goal that is not known before the rules run cannot be asked in {self._image}")
+        if key == IN:
+            raise UserError(f"an image of an image: in/2 inside in({self._image}, ...)")
+        if key[0] == "call" and key[1] > 1:
+            assert isinstance(goal, Struct)
+            return self.change(_applied(goal, self._image))
+        if key not in self._affected or key in GOAL_ARGUMENTS:
+            return None
+        self._copy(key)
+        return self._renamed(goal)
+
+    def _renamed(self, term: Term) -> Term:
+        name = f"{self._image}:{term.name}" if isinstance(term, Atom | Struct) else ""
+        return Struct(name, term.args) if isinstance(term, Struct) else Atom(name)
+
+    def _copy(self, key: Indicator) -> None:
+        if key in self._made:
+            return
+        self._made.add(key)
+        copy = self._program.get(f"{self._image}:{key[0]}", key[1])
+        if key in self._facts:
+            copy.replace([Clause(self._renamed(fact), goal) for fact, goal in self._facts[key]])
+            return
+        original = self._program.find(*key)
+        assert original is not None
+        copies = []
+        for clause in original.clauses:
+            body = rewritten(clause.body, self.change)
+            copies.append(Clause(self._renamed(clause.head), body, clause.span, clause.names, clause.source))
+        copy.replace(copies)
+
+
+def _applied(goal: Struct, image: str) -> Term:
+    """The goal that ``call(Closure, Argument, ...)`` calls."""
+    closure = deref(goal.args[0])
+    if isinstance(closure, Struct):
+        return Struct(closure.name, (*closure.args, *goal.args[1:]))
+    if isinstance(closure, Atom):
+        return Struct(closure.name, goal.args[1:])
+    raise UserError(f"a goal that is not known before the rules run cannot be asked in {image}")
+
+
+def affected(program: Program, facts: Iterable[Indicator]) -> set[Indicator]:
+    """The predicates that call one of `facts`, however indirectly, and those themselves."""
+    callers: dict[Indicator, set[Indicator]] = {}
+    for key, predicate in program.predicates.items():
+        for clause in predicate.clauses if predicate.rows is None else ():
+            for called in calls(clause.body):
+                callers.setdefault(called, set()).add(key)
+    found: set[Indicator] = set()
+    open_ = list(facts)
+    while open_:
+        key = open_.pop()
+        if key not in found:
+            found.add(key)
+            open_.extend(callers.get(key, ()))
+    return found
+
+
+def undefined_calls(
+    program: Program, start: Iterable[Term], is_known: Callable[[str, int], bool]
+) -> list[Indicator]:
+    """Predicates that goals call, however indirectly, and that neither the program nor `is_known` has."""
+    missing: dict[Indicator, None] = {}
+    seen: set[Indicator] = set()
+    open_ = [key for goal in start for key in calls(goal)]
+    while open_:
+        key = open_.pop()
+        if key in seen:
+            continue
+        seen.add(key)
+        predicate = program.find(*key)
+        if predicate is not None:
+            clauses = predicate.clauses if predicate.rows is None else ()
+            open_.extend(called for clause in clauses for called in calls(clause.body))
+        elif not is_known(*key):
+            missing[key] = None
+    return list(missing)

@@ -1,0 +1,138 @@
+"""Rules and the properties that they are to have, as one Prolog program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Final
+
+from drlsl.driving.lowered import SCHEMA
+from drlsl.driving.shield import default_rules
+from drlsl.errors import UserError
+from drlsl.logic import Engine
+from drlsl.logic.linking import builtin, library
+from drlsl.logic.lowering.lower import Query
+from drlsl.logic.lowering.schema import Schema
+from drlsl.logic.program import Clause
+from drlsl.logic.terms import Atom, Struct, deref
+from drlsl.verify.images import expand, undefined_calls
+from drlsl.verify.ranges import RANGES, Range
+from drlsl.verify.symbolic import FOCUS
+
+FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
+"""The facts of a scene, and the one vehicle that `focus/1` names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """Something that holds in every scene: its name, and what it says in words."""
+
+    name: str
+    text: str
+
+    @property
+    def query(self) -> Query:
+        """Whether a scene breaks it."""
+        return Query(f"violates {self.name}", 0, "holds")
+
+    @property
+    def goal(self) -> str:
+        """The same as a goal."""
+        return f"violates({self.name})"
+
+
+@dataclass(frozen=True, slots=True)
+class Book:
+    """A rule program with the properties to be proved of it, and the ranges that they speak of.
+
+    `missing` says, by property, which predicates it calls that the rules lack.
+    """
+
+    engine: Engine
+    properties: tuple[Property, ...]
+    ranges: dict[str, Range]
+    missing: dict[str, tuple[str, ...]]
+
+
+def default_properties() -> Path:
+    """The file of the properties of driving rules, beside the default rules."""
+    return default_rules()[0].parent / "properties.pl"
+
+
+def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> Book:
+    """Load rules, by default highway.pl, and properties, by default properties.pl.
+
+    Raises:
+        UserError: a file cannot be read, defines what another does, or declares no property.
+        PrologError: a file is not a valid program.
+    """
+    engine = Engine()
+    for path in [*(rules or default_rules()), *(properties or (default_properties(),))]:
+        warned = len(engine.warnings)
+        try:
+            engine.consult(path)
+        except OSError as error:
+            raise UserError(f"cannot read {path}: {error.strerror}") from error
+        for warning in engine.warnings[warned:]:
+            if "defined anew" in warning.message:
+                raise UserError(f"{warning}; a property must not change the rules that it is about")
+    declared = _declared(engine)
+    expand(engine)
+    return Book(engine, declared, _ranges(engine), _missing(engine, declared))
+
+
+def _declared(engine: Engine) -> tuple[Property, ...]:
+    """The properties that `property/2` declares, each with a predicate of its own that says it is broken."""
+    if not engine.defines("property", 2) or not engine.defines("violates", 1):
+        raise UserError("no properties: a file of properties has property(Name, Text) and violates(Name)")
+    found = []
+    for solution in engine.query("property(Name, Text)"):
+        found.append(Property(str(solution["Name"]), str(solution["Text"])))
+    names = {one.name for one in found}
+    broken = {str(deref(clause.args[0]).name): clause for clause in engine.program.get("violates", 1).clauses}  # type: ignore[union-attr]  # checked below
+    for name, clause in broken.items():
+        if name not in names:
+            raise UserError(f"{clause.span}: violates({name}) without property({name}, Text)")
+    for one in found:
+        if one.name not in broken:
+            raise UserError(f"property({one.name}, ...) without a clause of violates({one.name})")
+        predicate = engine.program.get(one.query.name, 0)
+        predicate.replace([Clause(Atom(one.query.name), Struct("violates", (Atom(one.name),)))])
+    return tuple(found)
+
+
+def _ranges(engine: Engine) -> dict[str, Range]:
+    """The default ranges with those that the properties give."""
+    ranges = dict(RANGES)
+    if not engine.defines("range", 3):
+        return ranges
+    for solution in engine.query("range(Name, Low, High)"):
+        name, low, high = str(solution["Name"]), solution["Low"], solution["High"]
+        if name not in ranges:
+            raise UserError(f"range({name}, ...): unknown; there are {', '.join(ranges)}")
+        if not isinstance(low, int | float) or not isinstance(high, int | float) or low > high:
+            raise UserError(f"range({name}, {low}, {high}): expected two numbers, the lower first")
+        ranges[name] = (Fraction(repr(low)), Fraction(repr(high)))
+    return ranges
+
+
+def _missing(engine: Engine, properties: Iterable[Property]) -> dict[str, tuple[str, ...]]:
+    """By property, the predicates that it needs and nobody defines."""
+
+    def is_known(name: str, arity: int) -> bool:
+        return (
+            FACTS.find(name, arity) is not None
+            or builtin(name, arity) is not None
+            or library().find(name, arity) is not None
+        )
+
+    clauses = engine.program.get("violates", 1).clauses
+    result = {}
+    for one in properties:
+        bodies = [clause.body for clause in clauses if deref(clause.args[0]) is Atom(one.name)]
+        missing = undefined_calls(engine.program, bodies, is_known)
+        if missing:
+            result[one.name] = tuple(f"{name}/{arity}" for name, arity in sorted(missing))
+    return result

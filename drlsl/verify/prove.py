@@ -1,0 +1,279 @@
+"""Proves properties of a rule program, case by case, or finds scenes that break them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Final, Literal, TypeAlias
+
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.lower import Answer, lower
+from drlsl.logic.lowering.unfold import deep_recursion
+from drlsl.verify.booleans import Bool
+from drlsl.verify.formula import Formula, NotTranslatable
+from drlsl.verify.properties import FACTS, Book, Property, load
+from drlsl.verify.ranges import Case
+from drlsl.verify.replay import Counterexample, Replay
+from drlsl.verify.scope import witnesses
+from drlsl.verify.solver import Outcome, Solver
+from drlsl.verify.symbolic import SymbolicScene
+from drlsl.verify.values import Algebra
+
+Status: TypeAlias = Literal["proved", "refuted", "unknown"]
+
+Part: TypeAlias = Literal["broken", "error"]
+"""What is wrong with a scene: it breaks the property, or the rules raise an error on the way."""
+
+MARGINS: Final = (Fraction(1, 10), Fraction(1, 10**4), Fraction(0))
+"""By how much a scene is to break a property: a clear break is sought first."""
+
+PARTS: Final[tuple[Part, ...]] = ("broken", "error")
+
+USUAL: Final = (2, 1, 0)
+"""How many kinds of numbers are to be what they usually are: speeds too, all others, none."""
+
+SLOTS: Final = (0.7, 3.0, 12.0, 48.0)
+"""Seconds that one attempt at a scene may take, round by round."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found out about a property in one case."""
+
+    property: str
+    case: Case
+    status: Status
+    seconds: float
+    reason: str = ""
+    counterexample: Counterexample | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Properties to be looked into in one case, with up to `vehicles` vehicles besides the ego."""
+
+    case: Case
+    properties: tuple[str, ...]
+    vehicles: int
+    time_limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prover:
+    """A rule program made ready: its properties lowered, each with the vehicles that are enough for it.
+
+    `refused` says of properties that no formula can be made of them, and why. `settled` remembers what was
+    proved, for cases that ask the same.
+    """
+
+    book: Book
+    answers: dict[str, Answer]
+    enough: dict[str, int | None]
+    refused: dict[str, str]
+    settled: set[bytes] = field(default_factory=set)
+    _replays: dict[str, Replay] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, rules: Sequence[str | Path], properties: Sequence[str | Path]) -> Prover:
+        """Load and lower.
+
+        Raises:
+            UserError, PrologError: as `drlsl.verify.properties.load`.
+        """
+        book = load(rules, properties)
+        prover = cls(book, {}, {}, {})
+        for one in book.properties:
+            if one.name in book.missing:
+                missing = ", ".join(book.missing[one.name])
+                prover.refused[one.name] = f"the rules do not define {missing}"
+                continue
+            try:
+                answer = lower(book.engine, FACTS, [one.query]).answers[0]
+            except NotLowerable as reason:
+                prover.refused[one.name] = str(reason)
+            else:
+                prover.answers[one.name] = answer
+                prover.enough[one.name] = witnesses(answer)
+        return prover
+
+    def property(self, name: str) -> Property:
+        """The property of that name."""
+        return next(one for one in self.book.properties if one.name == name)
+
+    def run(self, task: Task) -> list[Finding]:
+        """What is found out about each property of a task."""
+        with deep_recursion():
+            simple = _Translation(self, task, clears=False)
+            return [self._look(name, task, simple, time.perf_counter()) for name in task.properties]
+
+    def _look(self, name: str, task: Task, simple: _Translation, started: float) -> Finding:
+        def found(status: Status, reason: str = "", counterexample: Counterexample | None = None) -> Finding:
+            return Finding(name, task.case, status, time.perf_counter() - started, reason, counterexample)
+
+        try:
+            left = simple.possible(name, PARTS, task.time_limit)
+            if not left:
+                return found("proved")
+            # the search and the proof share what time is left
+            search = _Search(self, task, name, started + task.time_limit / 2)
+            counterexample = search.scene()
+            if counterexample is not None:
+                return found("refuted", "", counterexample)
+            left = _Translation(self, task, clears=True).possible(name, left, task.time_limit / 2)
+        except NotTranslatable as reason:
+            return found("unknown", str(reason))
+        if not left:
+            return found("proved")
+        return found("unknown", _why(left, search, task.time_limit))
+
+    def replay(self, name: str) -> Replay:
+        """What confirms the counterexamples of a property."""
+        if name not in self._replays:
+            self._replays[name] = Replay(self.book.engine, self.property(name))
+        return self._replays[name]
+
+
+def _why(left: Mapping[Part, Outcome], search: _Search, seconds: float) -> str:
+    """Why there is neither a proof nor a scene."""
+    reasons = {outcome.reason for outcome in left.values() if outcome.verdict == "unknown"}
+    if search.ran_out or reasons & {"timeout", "canceled"}:
+        return f"time limit of {seconds:g} s"
+    if reasons:
+        return f"the solver gave up: {', '.join(sorted(reasons))}"
+    return "the scenes that the solver finds break it only at a rounding limit"
+
+
+class _Translation:
+    """The formulas of one case, made when they are asked for."""
+
+    def __init__(self, prover: Prover, task: Task, *, clears: bool) -> None:
+        self._prover = prover
+        self.scene = SymbolicScene(Algebra(clears=clears), task.case, prover.book.ranges, task.vehicles)
+        self._formula = Formula(self.scene.algebra, self.scene.facts)
+        self._linear = Solver(self.scene, linear=True, settled=prover.settled)
+        self.exact = Solver(self.scene, linear=False, settled=prover.settled)
+        self._known: dict[Bool, Outcome] = {}
+
+    def truth(self, name: str, part: Part) -> Bool:
+        """The property is broken, or the rules raise an error on the way."""
+        answer = self._prover.answers[name]
+        return self._formula.truth(answer.found if part == "broken" else answer.undecided)
+
+    def possible(self, name: str, parts: Iterable[Part], seconds: float) -> dict[Part, Outcome]:
+        """Which parts of a property's negation may be true in some scene; none of them: it is proved."""
+        outcomes = {part: self._outcome(self.truth(name, part), seconds) for part in parts}
+        return {part: outcome for part, outcome in outcomes.items() if outcome.verdict != "none"}
+
+    def _outcome(self, truth: Bool, seconds: float) -> Outcome:
+        if truth not in self._known:
+            self._known[truth] = self._ask(truth, seconds)
+        return self._known[truth]
+
+    def _ask(self, truth: Bool, seconds: float) -> Outcome:
+        """First with products as numbers of their own; where divisions are cleared, then as they are."""
+        if truth is self.scene.algebra.booleans.false:
+            return Outcome("none")
+        outcome = self._linear.holds_nowhere(truth, seconds)
+        if outcome.verdict == "none" or not self.scene.algebra.clears:
+            return outcome
+        for one in truth.args if truth.op == "or" else (truth,):
+            outcome = self._linear.holds_nowhere(one, seconds)
+            if outcome.verdict != "none":
+                outcome = self.exact.holds_nowhere(one, seconds)
+            if outcome.verdict != "none":
+                return outcome
+        return Outcome("none")
+
+    def linearly_possible(self, name: str, parts: Iterable[Part], seconds: float) -> list[Part]:
+        """Those of the parts that hold in some scene if products may be any numbers."""
+        false = self.scene.algebra.booleans.false
+        truths = {part: self.truth(name, part) for part in parts}
+        return [
+            part
+            for part, truth in truths.items()
+            if truth is not false and self._linear.holds_nowhere(truth, seconds).verdict != "none"
+        ]
+
+
+class _Search:
+    """Looks for a scene that breaks a property: few vehicles first, and usual numbers where they do."""
+
+    def __init__(self, prover: Prover, task: Task, name: str, deadline: float) -> None:
+        self._prover = prover
+        self._task = task
+        self._name = name
+        self._deadline = deadline
+        self._translations: dict[int, _Translation] = {}
+        self._parts: dict[int, list[Part]] = {}
+
+    @property
+    def ran_out(self) -> bool:
+        """Whether the time is up."""
+        return time.perf_counter() >= self._deadline
+
+    def scene(self) -> Counterexample | None:
+        """A confirmed counterexample, if one is found: many short attempts before long ones."""
+        hopeless: set[_Attempt] = set()
+        for seconds in SLOTS:
+            for attempt in self._attempts():
+                if self.ran_out:
+                    return None
+                if attempt in hopeless:
+                    continue
+                outcome = self._find(attempt, seconds)
+                if outcome.verdict != "unknown":
+                    hopeless.add(attempt)
+                if outcome.model is not None:
+                    scene = self._translations[attempt.vehicles].scene
+                    found = self._prover.replay(self._name).confirm(scene, outcome.model)
+                    if found is not None:
+                        return found
+        return None
+
+    def _attempts(self) -> Iterator[_Attempt]:
+        """All kinds of scenes, the smallest and most usual first."""
+        enough = self._prover.enough[self._name]
+        most = self._task.vehicles if enough is None else min(self._task.vehicles, enough)
+        for vehicles in range(most + 1):
+            for part in self._possible(vehicles):
+                for usual in USUAL:
+                    for margin in MARGINS:
+                        yield _Attempt(vehicles, part, usual, margin)
+
+    def _possible(self, vehicles: int) -> list[Part]:
+        """What may be wrong with a scene of so many vehicles, as far as linear arithmetic sees."""
+        if vehicles not in self._parts:
+            if self.ran_out:
+                return []
+            task = replace(self._task, vehicles=vehicles)
+            parts: Iterable[Part] = _Translation(self._prover, task, clears=False).possible(
+                self._name, PARTS, self._left()
+            )
+            if parts:
+                translation = self._translations[vehicles] = _Translation(self._prover, task, clears=True)
+                parts = translation.linearly_possible(self._name, parts, self._left())
+            self._parts[vehicles] = list(parts)
+        return self._parts[vehicles]
+
+    def _find(self, attempt: _Attempt, seconds: float) -> Outcome:
+        translation = self._translations[attempt.vehicles]
+        truth = translation.truth(self._name, attempt.part)
+        return translation.exact.find(
+            truth, min(seconds, self._left()), margin=attempt.margin, usual=attempt.usual
+        )
+
+    def _left(self) -> float:
+        return max(0.001, self._deadline - time.perf_counter())
+
+
+@dataclass(frozen=True, slots=True)
+class _Attempt:
+    """What kind of scene is sought."""
+
+    vehicles: int
+    part: Part
+    usual: int
+    margin: Fraction

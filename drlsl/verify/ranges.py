@@ -1,0 +1,121 @@
+"""The scenes that proofs speak of: the roads, and the ranges of every number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Final, TypeAlias
+
+from drlsl.traffic.road import Direction
+
+Range: TypeAlias = tuple[Fraction, Fraction]
+
+RANGES: Final[dict[str, Range]] = {
+    "ego_speed": (Fraction(0), Fraction(70)),
+    "speed": (Fraction(-70), Fraction(70)),
+    "lateral_speed": (Fraction(-10), Fraction(10)),
+    "length": (Fraction(1), Fraction(30)),
+    "width": (Fraction(1, 2), Fraction(3)),
+    "lane_width": (Fraction(5, 2), Fraction(5)),
+    "median": (Fraction(0), Fraction(30)),
+    "road_position": (Fraction(-200), Fraction(200)),
+    "speed_limit": (Fraction(5), Fraction(70)),
+    "time_step": (Fraction(1, 100), Fraction(1, 5)),
+    "radar_range": (Fraction(20), Fraction(300)),
+    "position": (Fraction(-1000), Fraction(1000)),
+}
+"""The least and greatest value of every quantity, in m, s and m/s.
+
+`ego_speed` counts along the direction of the ego's lane, `speed` of the others along x; `median` is the strip
+between the two directions, `road_position` the y of the middle of the ego's lane. A file of properties may
+narrow or widen a range with a fact ``range(Name, Low, High)``.
+"""
+
+TYPICAL: Final[dict[str, Fraction]] = {
+    "lateral_speed": Fraction(0),
+    "length": Fraction(23, 5),
+    "width": Fraction(19, 10),
+    "lane_width": Fraction(15, 4),
+    "median": Fraction(0),
+    "road_position": Fraction(0),
+    "speed_limit": Fraction(35),
+    "time_step": Fraction(1, 25),
+    "radar_range": Fraction(100),
+    "position": Fraction(0),
+    "aside": Fraction(0),
+    "ego_speed": Fraction(30),
+    "speed": Fraction(28),
+}
+"""What a counterexample has where nothing speaks against it, so that a person sees what matters in it.
+
+`aside` is the ego's place in its lane; the `speed` of the others is meant in the ego's direction.
+"""
+
+NAMES: Final = {
+    "ego_speed": "the ego's speed along its lane, m/s",
+    "speed": "the others' speed along x, m/s",
+    "lateral_speed": "speed across the road, m/s",
+    "length": "length of a vehicle, m",
+    "width": "width of a vehicle, m",
+    "lane_width": "width of a lane, m",
+    "median": "strip between the directions, m",
+    "road_position": "y of the ego's lane, m",
+    "speed_limit": "a lane's speed limit, m/s",
+    "time_step": "time step, s",
+    "radar_range": "radar range, m",
+    "position": "the ego's x, m",
+}
+"""What the ranges are of, for people."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One kind of road, the lane that the ego is in, and the one that it steers for.
+
+    Lanes are numbered 1, 2, … from the top; the upper `leftward` ones run right to left, the other
+    `rightward` ones left to right.
+    """
+
+    leftward: int
+    rightward: int
+    ego_lane: int
+    target_lane: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.leftward} lanes right to left, {self.rightward} left to right, "
+            f"the ego in lane {self.ego_lane} steering for {self.target_lane}"
+        )
+
+    @property
+    def lanes(self) -> int:
+        """How many lanes there are."""
+        return self.leftward + self.rightward
+
+    def direction(self, lane: int) -> Direction:
+        """Which way a lane runs."""
+        return Direction.RIGHT_TO_LEFT if lane <= self.leftward else Direction.LEFT_TO_RIGHT
+
+
+MOST_LANES_EACH_WAY: Final = 3
+"""Roads with two directions have up to so many lanes in each."""
+
+MOST_LANES_ONE_WAY: Final = 6
+"""Roads with one direction have up to so many."""
+
+
+def all_cases() -> list[Case]:
+    """Every road, every lane of it for the ego and every lane next to that, or itself, to steer for."""
+    both = range(MOST_LANES_EACH_WAY + 1)
+    one = range(MOST_LANES_EACH_WAY + 1, MOST_LANES_ONE_WAY + 1)
+    roads = [(up, down) for up in both for down in both if up + down]
+    roads += [road for lanes in one for road in ((lanes, 0), (0, lanes))]
+    roads.sort(key=lambda road: (sum(road), road))
+    return [
+        case
+        for up, down in roads
+        for lane in range(1, up + down + 1)
+        for target in (lane, lane - 1, lane + 1)
+        if 1 <= target <= up + down
+        and (case := Case(up, down, lane, target)).direction(lane) is case.direction(target)
+    ]

@@ -1,0 +1,242 @@
+"""What the solver found, asked of the rules themselves: only what every tier confirms is a refutation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Final
+
+from drlsl.driving.batch import SceneBatch
+from drlsl.driving.scene import Facts, Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene_file import parse_scene, scene_json
+from drlsl.driving.shield import LIMITS, RuleFailure, Shield
+from drlsl.errors import UserError
+from drlsl.logic import Engine, LimitExceeded, PrologError
+from drlsl.logic.lowering.errors import NotLowerable, Undecided
+from drlsl.logic.lowering.lower import lower
+from drlsl.logic.lowering.scalar import Scalar, compile_scalar
+from drlsl.traffic.road import Direction, Lane
+from drlsl.verify.properties import FACTS, Property
+from drlsl.verify.symbolic import FOCUS, Model, SymbolicScene
+
+_DIGITS: Final = (2, 4, 8, None)
+"""A scene's numbers are rounded to so many decimals if it still breaks the property then."""
+
+_TIERS: Final = ("scalar", "numpy")
+
+
+@dataclass(frozen=True, slots=True)
+class Counterexample:
+    """A scene that breaks a property, and the vehicle that `focus/1` names in it, or None.
+
+    `images` are the other scenes that the property speaks of, by name; `error` is what the rules raise in
+    the scene, where that is what is wrong.
+    """
+
+    scene: Scene
+    focus: str | None = None
+    images: tuple[tuple[str, Scene], ...] = ()
+    error: str | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """The scene as a scene file has it, and what else there is to say."""
+        result: dict[str, Any] = {"scene": json.loads(scene_json(self.scene))}
+        if self.focus is not None:
+            result["focus"] = self.focus
+        if self.images:
+            result["images"] = {name: json.loads(scene_json(scene)) for name, scene in self.images}
+        if self.error is not None:
+            result["error"] = self.error
+        return result
+
+
+class Replay:
+    """Asks the tiers whether a scene breaks a property."""
+
+    def __init__(self, engine: Engine, prop: Property) -> None:
+        self._engine = engine
+        self._property = prop
+        self._goal = engine.prepare(prop.goal)
+        self._scalar: Scalar | None = None
+        with suppress(NotLowerable):  # then the interpreter's word is enough
+            self._scalar = compile_scalar(lower(engine, FACTS, [prop.query]))
+
+    def confirm(self, symbolic: SymbolicScene, model: Model) -> Counterexample | None:
+        """The counterexample that a model describes, in numbers as round as can be; None if it is none."""
+        exact, focus = symbolic.scene(model)
+        for digits in _DIGITS:
+            try:
+                scene = parse_scene(scene_json(_rounded(exact, digits)), "scene")
+            except UserError:
+                continue
+            if _ranges_hold(scene, symbolic):
+                found = self.breaks(scene, focus)
+                if found is not None:
+                    return found
+        return None
+
+    def breaks(self, scene: Scene, focus: str) -> Counterexample | None:
+        """The counterexample that a scene is, if all tiers say so."""
+        facts: Facts = {**road_facts(scene.road), **scene_facts(scene)}
+        facts[FOCUS.name, FOCUS.arity] = [(focus,)]
+        shown = focus if focus != "none" and self._reads_focus() else None
+        try:
+            if not self._ask(facts):
+                return None
+        except (PrologError, LimitExceeded) as error:
+            return Counterexample(scene, shown, error=str(error).splitlines()[0])
+        if self._scalar is not None:
+            try:
+                (broken,) = self._scalar(facts)
+            except Undecided:
+                broken = True  # left to the interpreter, which has said so
+            if not broken:
+                return None
+        if not self._tiers_agree(scene):
+            return None
+        self._ask(facts)
+        return Counterexample(scene, shown, tuple(self._images(scene)))
+
+    def _ask(self, facts: Facts) -> bool:
+        for (name, arity), rows in facts.items():
+            self._engine.replace_facts(name, arity, rows)
+        return self._goal.holds(LIMITS)
+
+    def _reads_focus(self) -> bool:
+        return any(name == "alone" for name in self._image_names())
+
+    def _tiers_agree(self, scene: Scene) -> bool:
+        """Whether interpreter, generated code and arrays decide alike."""
+        try:
+            interpreter = Shield(self._engine)
+        except UserError:
+            return True  # rules that answer only some of what driving asks
+        try:
+            decision = interpreter.decide(scene)
+        except RuleFailure:
+            return True
+        for tier in _TIERS:
+            try:
+                batch = Shield(self._engine, tier=tier).decide_batch(SceneBatch.of([scene]))
+            except UserError:
+                continue  # a program that this tier cannot run
+            if batch.failures or tuple(map(int, batch.action_mask[0])) != decision.action_mask:
+                return False
+            if float(batch.target_speed[0]) != decision.target_speed:
+                return False
+        return True
+
+    # ---------------------------------------------------------------- images
+
+    def _image_names(self) -> Iterator[str]:
+        """The images that the property asks something in."""
+        program = self._engine.program
+        seen: set[tuple[str, int]] = set()
+        open_ = [(self._property.query.name, 0)]
+        from drlsl.verify.images import calls
+
+        while open_:
+            key = open_.pop()
+            predicate = program.find(*key)
+            if key in seen or predicate is None or predicate.rows is not None:
+                continue
+            seen.add(key)
+            for clause in predicate.clauses:
+                if key == ("violates", 1) and getattr(clause.args[0], "name", None) != self._property.name:
+                    continue
+                open_.extend(calls(clause.body))
+        yield from dict.fromkeys(name.split(":")[0] for name, _ in sorted(seen) if ":" in name)
+
+    def _images(self, scene: Scene) -> Iterator[tuple[str, Scene]]:
+        """The scenes that the facts of the images describe."""
+        for image in self._image_names():
+            vehicles = self._rows(f"{image}:vehicle", 8) or [scene.ego, *scene.in_range()]
+            lanes = self._rows(f"{image}:road_lane", 5)
+            road = scene.road if not lanes else _road(scene.road, lanes)
+            ego, *others = [Vehicle(*row) for row in vehicles]
+            yield image, Scene(road, ego, tuple(others), scene.target_lane)
+
+    def _rows(self, name: str, arity: int) -> list[tuple[Any, ...]]:
+        if not self._engine.defines(name, arity):
+            return []
+        variables = [f"A{place}" for place in range(arity)]
+        goal = f"'{name}'({', '.join(variables)})"
+        return [
+            tuple(_plain(solution[variable]) for variable in variables)
+            for solution in self._engine.query(goal, limits=LIMITS)
+        ]
+
+
+def _plain(value: object) -> object:
+    return value if isinstance(value, int | float) else str(value)
+
+
+def _road(road: Road, rows: Sequence[tuple[Any, ...]]) -> Road:
+    lanes = [Lane(lane, Direction(way), centre, width, limit) for lane, way, centre, width, limit in rows]
+    return replace(road, lanes=tuple(sorted(lanes, key=lambda lane: lane.centre)))
+
+
+def _rounded(scene: Scene, digits: int | None) -> Scene:
+    """The scene with its numbers rounded; lanes still touch, and lane ids are left as they are."""
+    if digits is None:
+        return scene
+
+    def short(value: float) -> float:
+        return round(value, digits)
+
+    def vehicle(car: Vehicle) -> Vehicle:
+        return Vehicle(car.id, car.lane, *map(short, car[2:]))
+
+    lanes = []
+    edge, before = 0.0, None
+    for lane in scene.road.lanes:
+        width = round(lane.width, digits)
+        top = lane.centre - lane.width / 2
+        edge = short(top) if before is None or before.direction is not lane.direction else edge
+        lanes.append(replace(lane, centre=edge + width / 2, width=width, speed_limit=short(lane.speed_limit)))
+        edge, before = edge + width, lane
+    road = replace(
+        scene.road,
+        lanes=tuple(lanes),
+        time_step=round(scene.road.time_step, max(2, digits)),
+        radar_range=short(scene.road.radar_range),
+    )
+    return replace(scene, road=road, ego=vehicle(scene.ego), vehicles=tuple(map(vehicle, scene.vehicles)))
+
+
+def _ranges_hold(scene: Scene, symbolic: SymbolicScene) -> bool:
+    """Whether a rounded scene is still one that the property speaks of."""
+    ranges = symbolic.ranges
+
+    def within(name: str, value: float) -> bool:
+        low, high = ranges[name]
+        return low - Fraction(1, 10**9) <= value <= high + Fraction(1, 10**9)
+
+    road, cars = scene.road, (scene.ego, *scene.vehicles)
+    places = [
+        within("lane_width", lane.width) and within("speed_limit", lane.speed_limit) for lane in road.lanes
+    ]
+    boxes = [
+        within("length", car.length)
+        and within("width", car.width)
+        and within("speed", car.vx)
+        and within("lateral_speed", car.vy)
+        and _is_in_lane(road, car)
+        for car in cars
+    ]
+    speed = scene.ego.vx * symbolic.case.direction(symbolic.case.ego_lane).sign
+    return (
+        all([*places, *boxes])
+        and within("ego_speed", speed)
+        and within("time_step", road.time_step)
+        and within("radar_range", road.radar_range)
+        and len(scene.in_range()) == len(scene.vehicles)
+    )
+
+
+def _is_in_lane(road: Road, car: Vehicle) -> bool:
+    lane = road.lane(car.lane)
+    return lane is None or abs(car.y - lane.centre) <= lane.width / 2 + 1e-9

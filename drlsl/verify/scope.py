@@ -1,0 +1,165 @@
+"""How many vehicles a scene needs to break a property: small scenes that stand for all.
+
+From a scene that breaks a property, vehicles are taken away one after another. What says that no vehicle is
+such and such stays true, and what says that some vehicle is stays true as long as one of those is kept. So
+the scene that is left with one vehicle for each such statement, and one for each least or greatest value or
+first match that the property compares, breaks the property as well. `witnesses` counts them: a property that
+holds with so many vehicles holds with any number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from drlsl.driving.lowered import SCHEMA
+from drlsl.logic.lowering.ir import QUANTIFIERS, Node, relation_of
+from drlsl.logic.lowering.lower import Answer
+
+VEHICLE: Final = SCHEMA.relations["vehicle", 8]
+
+
+class NoBound(Exception):
+    """No number of vehicles is known to be enough."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A vehicle that a quantifier chooses among `rows`: any, or the first, or by `values` the least."""
+
+    rows: tuple[Node, Node]
+    kind: str
+    values: tuple[Node, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """Vehicles that have to stay: those of the choices in `named`, and `more` besides."""
+
+    named: frozenset[Choice] = frozenset()
+    more: int = 0
+
+    def __len__(self) -> int:
+        # the least of some rows is also one of them
+        sharp = {choice.rows for choice in self.named if choice.kind != "any"}
+        return self.more + sum(choice.kind != "any" or choice.rows not in sharp for choice in self.named)
+
+    def __or__(self, other: Need) -> Need:
+        return Need(self.named | other.named, self.more + other.more)
+
+
+NONE: Final = Need()
+_KINDS: Final = {"min_of": "least", "argmin": "least", "max_of": "greatest", "argmax": "greatest"}
+_Fixed: TypeAlias = frozenset[Node]
+
+
+def witnesses(answer: Answer) -> int | None:
+    """How many vehicles besides the ego are enough for a scene in which the answer holds; None: not known."""
+    try:
+        return max(len(_truth(root, True, frozenset())) for root in (answer.found, answer.undecided))
+    except NoBound:
+        return None
+
+
+def _either(one: Need, other: Need) -> Need:
+    """Enough for whichever of two statements it is that holds."""
+    for large, small in ((one, other), (other, one)):
+        if large.named >= small.named and large.more >= small.more:
+            return large
+    return Need(more=max(len(one), len(other)))
+
+
+def _truth(node: Node, holds: bool, fixed: _Fixed) -> Need:
+    """What keeps a statement true, or false, when other vehicles are taken away."""
+    if node.op == "const":
+        return NONE
+    if node.op == "not":
+        return _truth(node.args[0], not holds, fixed)
+    if node.op in ("and", "or"):
+        parts = [_truth(arg, holds, fixed) for arg in node.args]
+        result = NONE
+        for part in parts:
+            result = result | part if (node.op == "and") is holds else _either(result, part)
+        return result
+    if node.op == "any":
+        return _some(node, fixed) if holds else _none(node, fixed)
+    result = NONE
+    for arg in node.args:
+        result = result | _value(arg, fixed)
+    return result
+
+
+def _conditions(node: Node) -> list[tuple[Node, Node]]:
+    """The conditions of a quantifier on its row, each with the index that it binds: its own and its rows'."""
+    conditions = [(node.args[1], node.args[0])]
+    rows = node.args[0].args[0]
+    while rows.op == "where":
+        rows, loop, cond = rows.args
+        conditions.append((cond, loop))
+    return conditions
+
+
+def _some(node: Node, fixed: _Fixed) -> Need:
+    """Some row meets the condition: it stays."""
+    result = NONE
+    for cond, loop in _conditions(node):
+        result = result | _truth(cond, True, fixed | {loop})
+    return result | _row(node, fixed)
+
+
+def _none(node: Node, fixed: _Fixed) -> Need:
+    """No row meets the condition: so it is of the rows that stay, if each fails it by itself."""
+    result = NONE
+    for cond, loop in _conditions(node):
+        own = _truth(cond, False, fixed - {loop} if _over_vehicles(node) else fixed | {loop})
+        if not _over_vehicles(node) and len(own):
+            own = Need(more=len(own) * relation_of(loop).capacity)
+        result = result | own
+    return result
+
+
+def _row(node: Node, fixed: _Fixed) -> Need:
+    """The vehicle that a quantifier chooses."""
+    if not _over_vehicles(node):
+        return NONE
+    if not node.free <= fixed:
+        raise NoBound
+    if node.free:
+        return Need(more=1)
+    kind = _KINDS.get(node.op, node.op)
+    return Need(frozenset({Choice((node.args[0], node.args[1]), kind, node.args[2:])}))
+
+
+def _over_vehicles(node: Node) -> bool:
+    return relation_of(node.args[0]) == VEHICLE
+
+
+def _value(node: Node, fixed: _Fixed) -> Need:
+    """What keeps a number, an atom or a choice of row as it is."""
+    if node.kind == "bool":
+        return _truth(node, True, fixed) | _truth(node, False, fixed)
+    if node.op in QUANTIFIERS:
+        return _chosen(node, fixed)
+    if node.op == "loop":
+        return NONE
+    result = NONE
+    for arg in node.args:
+        result = result | _value(arg, fixed)
+    return result
+
+
+def _chosen(node: Node, fixed: _Fixed) -> Need:
+    """A least or greatest value, or a first match, stays what it is while its row does."""
+    if node.op in ("count", "sum") and _over_vehicles(node):
+        raise NoBound
+    result = NONE
+    for cond, loop in _conditions(node):
+        inner = fixed - {loop} if _over_vehicles(node) else fixed | {loop}
+        result = result | _value(cond, inner)
+    for value in node.args[2:]:
+        result = result | _value(
+            value, fixed - {node.args[0]} if _over_vehicles(node) else fixed | {node.args[0]}
+        )
+    if not _over_vehicles(node) and len(result):
+        result = Need(more=len(result) * relation_of(node).capacity)
+    return result | _row(node, fixed)

@@ -1,0 +1,181 @@
+% properties.pl - what must hold in every scene, whatever the rules: proved by drlsl rules verify.
+%
+%   property(Name, Text)        a property, and what it says
+%   violates(Name)              a scene breaks it
+%   image(Image, Fact, Goal)    another scene: there, Fact holds where Goal does here; in(Image, Goal) asks Goal in it
+%   focus(Car)                  any one of the vehicles
+%   range(Quantity, Low, High)  may narrow or widen a range of drlsl/verify/ranges.py
+%
+% Facts and units are those at the head of highway.pl. Nothing here relies on a rule under test but what every rule program is
+% asked for; the numbers are repeated on purpose, so that a change of the rules shows.
+
+:- dynamic(focus/1).
+
+% ------------------------------------------------------------------------------------------------- lane changes
+
+property(lane_exists, 'a lane change is only offered to a side where the road has a lane').
+violates(lane_exists) :- spec_offered(Side), \+ spec_next_lane(Side, _, _, _).
+
+property(own_direction, 'a lane change is only offered into a lane of the ego''s direction').
+violates(own_direction) :- spec_offered(Side), spec_next_lane(Side, Direction, _, _), \+ spec_direction(Direction).
+
+property(one_change_at_a_time, 'no lane change is offered while the ego is changing lanes').
+violates(one_change_at_a_time) :- spec_offered(_), target_lane(Target), vehicle(ego, Lane, _, _, _, _, _, _), Target =\= Lane.
+
+property(nobody_alongside, 'no lane change is offered with a vehicle alongside in, or drifting into, the target lane').
+violates(nobody_alongside) :- spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, _, Gap), Gap =< 0.0.
+
+property(critical_distance_front, 'no lane change is offered with a vehicle ahead in the target lane within its critical distance').
+violates(critical_distance_front) :-
+    spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset > 0.0,
+    spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V1, V2, Critical), Gap < Critical.
+
+property(critical_distance_back, 'no lane change is offered with a vehicle behind in the target lane within its critical distance').
+violates(critical_distance_back) :-
+    spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset < 0.0,
+    spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V2, V1, Critical), Gap < Critical.
+
+property(nothing_hidden, 'a vehicle that alone would forbid a lane change forbids it among others too').
+violates(nothing_hidden) :- safe_actions(Action), \+ in(alone, safe_actions(Action)).
+
+property(some_action, 'keeping the lane is always offered').
+violates(some_action) :- \+ safe_actions(lane_keeping).
+
+property(lane_to_keep, 'lane keeping steers for the target lane or for the lane that the ego is in').
+violates(lane_to_keep) :- \+ lane_to_keep(_).
+violates(lane_to_keep) :-
+    lane_to_keep(Lane), target_lane(Target), vehicle(ego, Home, _, _, _, _, _, _), Lane =\= Target, Lane =\= Home.
+
+property(safe_entry, 'the ego never comes onto the road alongside a vehicle of its lane, or within a critical distance').
+violates(safe_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), spec_too_near(Car, Offset, Gap).
+
+% ------------------------------------------------------------------------------------------------------- speed
+
+property(speed_in_limits, 'there is a target speed, not negative and not above the lane''s limit').
+violates(speed_in_limits) :- \+ longitudinal_velocity(_).
+violates(speed_in_limits) :- longitudinal_velocity(V), V < 0.0.
+violates(speed_in_limits) :-
+    longitudinal_velocity(V), vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, _, _, Limit), V > Limit.
+
+property(acceleration_in_limits, 'the target speed is never above what the ego can reach').
+violates(acceleration_in_limits) :-
+    longitudinal_velocity(V), spec_speed(ego, V0), acceleration_limit(A), time_step(Dt), V > V0 + A * Dt.
+
+property(gives_way, 'with a vehicle ahead within the critical distance the target speed is below the ego''s, or 0').
+violates(gives_way) :-
+    longitudinal_velocity(V), V > 0.0, spec_speed(ego, V1), V >= V1,
+    spec_in_path(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, Gap > 0.0,
+    spec_speed(Car, V2), spec_critical(V1, V2, Critical), Gap < Critical.
+
+property(nobody_overlooked, 'the target speed is not above the one that each vehicle alone calls for').
+violates(nobody_overlooked) :- longitudinal_velocity(V), in(alone, longitudinal_velocity(V1)), V > V1.
+
+property(front_is_free, 'the front is free exactly where no vehicle alone makes it busy').
+violates(front_is_free) :- front_is_free, \+ in(alone, front_is_free).
+
+% ------------------------------------------------------------------------------------------- observation, symmetry
+
+property(observation_in_range, 'the observation is ten numbers from 0 to 1').
+violates(observation_in_range) :- \+ state([_, _, _, _, _, _, _, _, _, _]).
+violates(observation_in_range) :- state(Numbers), member(Number, Numbers), Number < 0.0.
+violates(observation_in_range) :- state(Numbers), member(Number, Numbers), Number > 1.0.
+
+property(left_is_as_right, 'in the mirror image, left and right change places and nothing else changes').
+violates(left_is_as_right) :- spec_mirrored_action(Action, Other), safe_actions(Action), \+ in(mirrored, safe_actions(Other)).
+violates(left_is_as_right) :- spec_mirrored_action(Action, Other), in(mirrored, safe_actions(Action)), \+ safe_actions(Other).
+violates(left_is_as_right) :- longitudinal_velocity(V), in(mirrored, longitudinal_velocity(V1)), V =\= V1.
+violates(left_is_as_right) :-
+    state([F, FR, R, BR, B, BL, L, FL, _, V]), in(mirrored, state([F1, FR1, R1, BR1, B1, BL1, L1, FL1, _, V1])),
+    ( F =\= F1 ; FR =\= FL1 ; R =\= L1 ; BR =\= BL1 ; B =\= B1 ; BL =\= BR1 ; L =\= R1 ; FL =\= FR1 ; V =\= V1 ).
+
+property(both_directions_alike, 'with the road turned round nothing changes').
+violates(both_directions_alike) :- safe_actions(Action), \+ in(turned, safe_actions(Action)).
+violates(both_directions_alike) :- in(turned, safe_actions(Action)), \+ safe_actions(Action).
+violates(both_directions_alike) :- longitudinal_velocity(V), in(turned, longitudinal_velocity(V1)), V =\= V1.
+violates(both_directions_alike) :-
+    state([F, FR, R, BR, B, BL, L, FL, P, V]), in(turned, state([F1, FR1, R1, BR1, B1, BL1, L1, FL1, P1, V1])),
+    ( F =\= F1 ; FR =\= FR1 ; R =\= R1 ; BR =\= BR1 ; B =\= B1 ; BL =\= BL1 ; L =\= L1 ; FL =\= FL1 ; P =\= P1 ; V =\= V1 ).
+
+% ------------------------------------------------------------------------------------------------------- images
+
+% alone: only the ego and the vehicle in focus.
+image(alone, vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width),
+    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), ( Id == ego -> true ; focus(Id) ) )).
+
+% mirrored: seen in a mirror along the road.
+image(mirrored, vehicle(Id, Lane, X, Y1, Vx, Vy1, Length, Width),
+    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), Y1 is -Y, Vy1 is -Vy )).
+image(mirrored, road_lane(Lane, Direction, Y1, Width, Limit),
+    ( road_lane(Lane, Direction, Y, Width, Limit), Y1 is -Y )).
+
+% turned: seen from the other side of the road.
+image(turned, vehicle(Id, Lane, X1, Y1, Vx1, Vy1, Length, Width),
+    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), X1 is -X, Y1 is -Y, Vx1 is -Vx, Vy1 is -Vy )).
+image(turned, road_lane(Lane, Direction1, Y1, Width, Limit),
+    ( road_lane(Lane, Direction, Y, Width, Limit), Y1 is -Y, spec_turned(Direction, Direction1) )).
+
+spec_turned(left_to_right, right_to_left).
+spec_turned(right_to_left, left_to_right).
+
+spec_mirrored_action(lane_keeping, lane_keeping).
+spec_mirrored_action(left_lane_change, right_lane_change).
+spec_mirrored_action(right_lane_change, left_lane_change).
+
+% -------------------------------------------------------------------------------------------- what the words mean
+
+% spec_offered(Side): a lane change to that side is offered.
+spec_offered(left) :- safe_actions(left_lane_change).
+spec_offered(right) :- safe_actions(right_lane_change).
+
+% spec_direction(Direction), spec_sign(Sign): of the lane that the ego is in; the sign of motion along x.
+spec_direction(Direction) :- vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, Direction, _, _, _).
+spec_sign(1) :- spec_direction(left_to_right).
+spec_sign(-1) :- spec_direction(right_to_left).
+
+% spec_to_side(Side, Y): how far the y is to that side of the middle of the ego's lane.
+spec_to_side(right, Y, D) :- vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, Y0, _, _), spec_sign(Sign), D is Sign * (Y - Y0).
+spec_to_side(left, Y, D) :- spec_to_side(right, Y, Right), D is -Right.
+
+% spec_next_lane(Side, Direction, Low, High): the nearest lane to that side, whichever way it runs, and its strip of y.
+spec_next_lane(Side, Direction, Low, High) :-
+    road_lane(_, Direction, Y, Width, _), spec_to_side(Side, Y, D), D > 0.0,
+    \+ ( road_lane(_, _, Y1, _, _), spec_to_side(Side, Y1, D1), D1 > 0.0, D1 < D ),
+    Low is Y - Width / 2, High is Y + Width / 2.
+
+% spec_claims(Car, Side): Car's body is in the next lane to that side, or drifts into it within 3 s.
+spec_claims(Car, Side) :-
+    spec_next_lane(Side, _, Low, High),
+    vehicle(Car, _, _, Y, _, Vy, _, Width), Car \== ego,
+    min(Y, Y + 3.0 * Vy) - Width / 2 < High, max(Y, Y + 3.0 * Vy) + Width / 2 > Low.
+
+% spec_in_own_lane(Car): Car's body is in the ego's lane, or drifts into it within 3 s.
+spec_in_own_lane(Car) :-
+    vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, Y0, Width0, _),
+    vehicle(Car, _, _, Y, _, Vy, _, Width), Car \== ego,
+    min(Y, Y + 3.0 * Vy) - Width / 2 < Y0 + Width0 / 2, max(Y, Y + 3.0 * Vy) + Width / 2 > Y0 - Width0 / 2.
+
+% spec_in_path(Car): Car's body is where the ego's body will be on its way to the middle of its target lane.
+spec_in_path(Car) :-
+    vehicle(ego, _, _, Y0, _, _, _, Width0), target_lane(Target), road_lane(Target, _, Centre, _, _),
+    vehicle(Car, _, _, Y, _, _, _, Width), Car \== ego,
+    Y - Width / 2 < max(Y0, Centre) + Width0 / 2, Y + Width / 2 > min(Y0, Centre) - Width0 / 2.
+
+% spec_gap(Car, Offset, Gap): how far Car's centre is ahead of the ego's, and the gap from bumper to bumper.
+spec_gap(Car, Offset, Gap) :-
+    vehicle(ego, _, X0, _, _, _, Length0, _), vehicle(Car, _, X, _, _, _, Length, _), spec_sign(Sign),
+    Offset is Sign * (X - X0), Gap is abs(Offset) - (Length0 + Length) / 2.
+
+% spec_speed(Car, V): in the ego's direction, 0 for one that comes the other way.
+spec_speed(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), spec_sign(Sign), V is max(0.0, Sign * Vx).
+
+% spec_critical(Rear, Front, D): the least safe gap. Source: RSS (Shalev-Shwartz et al. 2017), Definition 1, with a response
+% time of 0.35 s, 3 m/s2 in it, then braking at 6 m/s2 behind a front vehicle that brakes at 8 m/s2.
+spec_critical(Rear, Front, D) :-
+    D is Rear * 0.35 + 3.0 * 0.35 * 0.35 / 2 + (Rear + 3.0 * 0.35) * (Rear + 3.0 * 0.35) / (2 * 6.0) - Front * Front / (2 * 8.0).
+
+% spec_too_near(Car, Offset, Gap): Car is alongside, or within the critical distance of whichever is behind.
+spec_too_near(_, _, Gap) :- Gap =< 0.0.
+spec_too_near(Car, Offset, Gap) :-
+    Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V1, V2, Critical), Gap < Critical.
+spec_too_near(Car, Offset, Gap) :-
+    Offset < 0.0, spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V2, V1, Critical), Gap < Critical.
