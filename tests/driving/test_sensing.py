@@ -26,7 +26,7 @@ KEEP = np.zeros(1, dtype=np.int64)
 
 @pytest.fixture(scope="module")
 def shield() -> Shield:
-    return Shield.default(tier="scalar")
+    return Shield.default(tier="auto")
 
 
 def world(made: Recording, shield: Shield, *, seed: int = 0, **sensing: Any) -> World:
