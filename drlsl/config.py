@@ -13,9 +13,16 @@ from pydantic_core import ErrorDetails
 from drlsl.driving.config import EnvConfig
 from drlsl.errors import UserError
 
-Method = Literal["dqn", "dqnsl"]
+Method = Literal["dqn", "mpsdqn", "dqnsl"]
 Bootstrap = Literal["all", "safe"]
 Device = Literal["auto", "cpu", "cuda"]
+OFFERS: Mapping[Method, tuple[str, ...]] = {
+    "dqn": ("rules", "all"),
+    "mpsdqn": ("prediction",),
+    "dqnsl": ("rules",),
+}
+"""What a method may have as env.offers."""
+
 Position = tuple[int, int]
 """Line and column of a value in its file, both from 1."""
 
@@ -44,6 +51,11 @@ class NetworkConfig(_Section):
         min_length=1,
         max_length=8,
         description="Width of each hidden layer; a ReLU follows each.",
+    )
+    noisy: bool = Field(
+        default=False,
+        description="Explore by noise in the weights, whose size is learnt, instead of random actions; ε is "
+        "then 0.",
     )
 
 
@@ -121,7 +133,8 @@ class TrainConfig(_Section):
 
     method: Method = Field(
         default="dqnsl",
-        description="What the agent chooses from: all actions (dqn) or those the rules find safe (dqnsl).",
+        description="What the agent chooses from: all actions (dqn), those that a linear prediction finds "
+        "safe (mpsdqn) or those that the rules do (dqnsl).",
     )
     episodes: int = Field(default=1_500, ge=1, le=10_000_000, description="Episodes of training.")
     seed: int = Field(
@@ -158,6 +171,25 @@ class TrainConfig(_Section):
     evaluation: EvaluationConfig = Field(
         default_factory=EvaluationConfig, description="How the policy is judged."
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _prediction_for_mpsdqn(cls, values: Any) -> Any:
+        """Where mpsdqn is asked for and env.offers is not, the one follows from the other."""
+        if isinstance(values, Mapping) and values.get("method") == "mpsdqn":
+            env = values.get("env", {})
+            if isinstance(env, Mapping):
+                return {**values, "env": {"offers": "prediction", **env}}
+        return values
+
+    @model_validator(mode="after")
+    def _method_fits_what_is_offered(self) -> Self:
+        expected = OFFERS[self.method]
+        if self.env.offers not in expected:
+            raise ValueError(
+                f"method {self.method} needs env.offers {' or '.join(expected)}, not {self.env.offers}"
+            )
+        return self
 
 
 def preset_names() -> list[str]:

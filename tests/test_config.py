@@ -68,7 +68,7 @@ def test_presets_ship_and_hold() -> None:
         optional={
             "seed": st.integers(0, 2**63 - 1),
             "episodes": st.integers(1, 10**7),
-            "method": st.sampled_from(["dqn", "dqnsl"]),
+            "method": st.sampled_from(["dqn", "mpsdqn", "dqnsl"]),
             "network": st.builds(
                 lambda widths: {"hidden": widths}, st.lists(st.integers(1, 4096), min_size=1, max_size=8)
             ),
@@ -85,6 +85,19 @@ def test_presets_ship_and_hold() -> None:
 def test_a_dumped_configuration_reads_back_equal(values: dict[str, Any]) -> None:
     config = make_config(values, "test")
     assert make_config(parse_yaml(dump_yaml(config), "dump")[0], "dump") == config
+
+
+def test_a_method_brings_what_it_is_offered() -> None:
+    assert make_config({"method": "mpsdqn"}, "test").env.offers == "prediction"
+    assert make_config({"method": "dqn", "env": {"offers": "all"}}, "test").env.offers == "all"
+    for method, offers in (
+        ("mpsdqn", "rules"),
+        ("dqnsl", "prediction"),
+        ("dqnsl", "all"),
+        ("dqn", "prediction"),
+    ):
+        with pytest.raises(UserError, match=f"method {method} needs env.offers .*, not {offers}"):
+            make_config({"method": method, "env": {"offers": offers}}, "test")
 
 
 def test_an_empty_file_is_all_defaults(tmp_path: Path) -> None:
@@ -122,7 +135,7 @@ def test_an_unknown_key_names_its_place_and_the_nearest(text: str, message: str,
         ("learning: {discount: 1}\n", ":1:12: learning.discount: ", "less than 1"),
         ("network: {hidden: [64, 0]}\n", ":1:11: network.hidden.1: ", "greater than or equal to 1"),
         ("network: {hidden: []}\n", ":1:11: network.hidden: ", "at least 1 item"),
-        ("method: mps\n", ":1:1: method: ", "'dqn' or 'dqnsl', got 'mps'"),
+        ("method: mps\n", ":1:1: method: ", "'dqn', 'mpsdqn' or 'dqnsl', got 'mps'"),
         ("learning:\n  learning_starts: 5\n", ":1:1: learning: ", "batch_size <= learning_starts"),
         ("env:\n  track_length: -1\n", ":2:3: env.track_length: ", "greater than 0"),
         ("learning: 7\n", ":1:1: learning: ", "got 7"),

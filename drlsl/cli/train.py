@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import shlex
-import signal
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -52,8 +51,8 @@ def train(
     ] = None,
     track_length: Annotated[float | None, typer.Option(help="Metres of an episode.")] = None,
     method: Annotated[
-        Literal["dqn", "dqnsl"] | None,
-        typer.Option(help="dqn: all actions; dqnsl: those the rules find safe."),
+        Literal["dqn", "mpsdqn", "dqnsl"] | None,
+        typer.Option(help="dqn: all actions; dqnsl: those the rules find safe; mpsdqn: a linear prediction."),
     ] = None,
     bootstrap: Annotated[
         Literal["all", "safe"] | None, typer.Option(help="Actions that the target's maximum runs over.")
@@ -180,11 +179,11 @@ def _train(session: Session) -> None:
     verb = "go on with" if session.trainer.total_steps else "start"
     typer.echo(f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}")
     shown = shlex.quote(str(root))
-    with _stop_on_signal(console) as stop:
+    with stop_on_signal(console.print) as stop:
         finished = _run(session, console, stop)
     if not finished:
         typer.echo(f"saved at step {session.saved_steps}; go on with: drlsl train --out {shown} --resume")
-        raise typer.Exit(128 + (stop.signal or signal.SIGINT))
+        raise typer.Exit(stop.status)
     figures = session.draw_figures()
     typer.echo(f"{len(figures)} figures in {session.folder.figures}")
     _evaluate_briefly(session, console)
@@ -193,7 +192,7 @@ def _train(session: Session) -> None:
     typer.echo("  drlsl query --state examples/scene.json")
 
 
-def _run(session: Session, console: Console, stop: _Stop) -> bool:
+def _run(session: Session, console: Console, stop: Stop) -> bool:
     """Train on and show it; whether the last episode was reached."""
     display = _LiveDisplay(session, console) if console.is_terminal else _PlainDisplay(session)
     with display:
@@ -206,50 +205,21 @@ def _run(session: Session, console: Console, stop: _Stop) -> bool:
 
 
 def _evaluate_briefly(session: Session, console: Console) -> None:
-    from drlsl import driving
     from drlsl.cli.evaluate import evaluate_run, evaluation_table
+    from drlsl.learning.evaluation import make_evaluation_env
 
     config = session.folder.config
     count = config.evaluation.episodes_after_training
     if count:
         records = evaluate_run(
             session.folder,
-            driving.make_env(config.env),
+            make_evaluation_env(config.env),
             shields=("on", "off"),
             episodes=count,
             seed=config.seed,
             console=console,
         )
         console.print(evaluation_table(records))
-
-
-class _Stop:
-    """Whether a signal has asked for the end, and which."""
-
-    def __init__(self) -> None:
-        self.signal: int | None = None
-
-    def requested(self) -> bool:
-        return self.signal is not None
-
-
-@contextlib.contextmanager
-def _stop_on_signal(console: Console) -> Iterator[_Stop]:
-    """Note the first SIGINT or SIGTERM, so that the run is saved; a second one stops at once."""
-    stop = _Stop()
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        if stop.requested():
-            raise KeyboardInterrupt
-        stop.signal = number
-        console.print("saving; once more stops at once")
-
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class _Totals:

@@ -14,13 +14,13 @@ EPSILON: Final = 1e-8
 class Adam:
     """PyTorch's fused Adam, called without the optimiser class around it, whose bookkeeping takes as long.
 
-    `parameters` are changed in place by each `step` along `gradient`.
+    `parameters` are changed in place by each `step` against `gradient`.
     """
 
-    def __init__(self, parameters: torch.Tensor) -> None:
+    def __init__(self, parameters: torch.Tensor, gradient: torch.Tensor) -> None:
         self.learning_rate = 1e-3
-        self.gradient = torch.zeros_like(parameters)
         self._parameters = parameters
+        self._gradient = gradient
         self._mean = torch.zeros_like(parameters)
         self._square = torch.zeros_like(parameters)
         self._steps = torch.zeros((), device=parameters.device)
@@ -30,7 +30,7 @@ class Adam:
         self._steps += 1
         torch._fused_adam_(
             [self._parameters],
-            [self.gradient],
+            [self._gradient],
             [self._mean],
             [self._square],
             [],

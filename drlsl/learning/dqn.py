@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drlsl.config import Bootstrap, LearningConfig, NetworkConfig
 from drlsl.errors import UserError
 from drlsl.learning.adam import Adam
-from drlsl.learning.network import Policy, QNetwork
+from drlsl.learning.network import Policy, make_network
 from drlsl.learning.replay import Batch
 
 _REMEDY = "train again with a lower schedule.learning_rate_start"
@@ -97,11 +97,11 @@ class DqnAgent:
     ) -> None:
         self._learning = learning
         self._rng = rng
-        self.network = QNetwork(observation_size, network.hidden, action_count, generator, device)
-        self._target = QNetwork(observation_size, network.hidden, action_count, generator, device)
+        self._generator = generator
+        self.network = make_network(network, observation_size, action_count, generator, device)
+        self._target = make_network(network, observation_size, action_count, generator, device)
         self._target.parameters.copy_(self.network.parameters)
-        self._optimiser = Adam(self.network.parameters)
-        self._gradient = self.network.layers_of(self._optimiser.gradient)
+        self._optimiser = Adam(self.network.parameters, self.network.gradient)
         self.policy = Policy(self.network, device)
         self.updates = 0
 
@@ -123,6 +123,7 @@ class DqnAgent:
 
         Source: Algorithm 1, lines 9 and 10.
         """
+        self.network.draw_noise()
         choice = greedy_choice(self.policy.values(observations), offered)
         for row in np.flatnonzero(self._rng.random(len(offered)) < epsilon):
             choice.actions[row] = self._rng.choice(np.flatnonzero(offered[row]))
@@ -135,6 +136,8 @@ class DqnAgent:
         Raises:
             DivergedError: the loss is not finite; the weights are left as they were.
         """
+        self._target.draw_noise()
+        self.network.draw_noise()
         next_values = self._target.forward(batch.next_observations)[-1]
         targets = td_targets(next_values, batch, self._learning.discount, self._learning.bootstrap)
         outputs = self.network.forward(batch.observations)
@@ -142,7 +145,7 @@ class DqnAgent:
         value = loss.value.item()
         if not math.isfinite(value):
             raise DivergedError(f"the loss is {value} at update {self.updates + 1}: {_REMEDY}")
-        self.network.backward(batch.observations, outputs, loss.slopes, self._gradient)
+        self.network.backward(batch.observations, outputs, loss.slopes)
         self._optimiser.step()
         self.updates += 1
         if self.updates % self._learning.target_every == 0:
@@ -157,6 +160,7 @@ class DqnAgent:
             "optimiser": self._optimiser.get_state(),
             "updates": self.updates,
             "rng": self._rng.bit_generator.state,
+            "noise": self._generator.get_state(),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -166,3 +170,4 @@ class DqnAgent:
         self._optimiser.set_state(state["optimiser"])
         self.updates = state["updates"]
         self._rng.bit_generator.state = state["rng"]
+        self._generator.set_state(state["noise"])

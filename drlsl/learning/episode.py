@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +11,6 @@ from drlsl.config import Method
 from drlsl.driving.reward import TERMS
 
 Mask = NDArray[np.bool_]
-Highway = gymnasium.Env[NDArray[np.float32], np.int64]
 ActionFilter = Callable[[Mask], Mask]
 """Gives the actions offered where the rules derive those of a mask to be safe. Shape: (N, A) to (N, A)."""
 
@@ -26,14 +24,18 @@ def all_actions(safe: Mask) -> Mask:
 
 
 def rule_safe_actions(safe: Mask) -> Mask:
-    """Offer what the rules derive to be safe: the shield is on.
+    """Offer what the rules derive to be safe, or the prediction if that is asked: the shield is on.
 
     Source: Algorithm 1, line 8.
     """
     return safe
 
 
-ACTION_FILTERS: Mapping[Method, ActionFilter] = {"dqn": all_actions, "dqnsl": rule_safe_actions}
+ACTION_FILTERS: Mapping[Method, ActionFilter] = {
+    "dqn": all_actions,
+    "mpsdqn": rule_safe_actions,
+    "dqnsl": rule_safe_actions,
+}
 
 
 def episode_seed(seed: int, stream: int, index: int) -> int:

@@ -1,12 +1,17 @@
 """The Q-network: observation in, one value per action out."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+
+from drlsl.config import NetworkConfig
+
+SPREAD: Final = 0.5
+"""A weight's spread to begin with, times the root of its layer's inputs. Source: Fortunato et al., 2018."""
 
 
 class Layer(NamedTuple):
@@ -24,7 +29,7 @@ class QNetwork:
     """Fully connected layers with ReLU between them, their parameters in one vector.
 
     One vector, because the optimiser and the copy into the target network are then one call each. It asks for
-    no gradient: `backward` gives it.
+    no gradient: `backward` writes it into `gradient`, laid out as the parameters.
 
     Source: section "Network and Hyperparameters" (256-256-3).
     """
@@ -40,13 +45,14 @@ class QNetwork:
         self.sizes = (observation_size, *hidden, action_count)
         count = sum(inputs * outputs + outputs for inputs, outputs in itertools.pairwise(self.sizes))
         self.parameters = torch.zeros(count, device=device)
-        self.layers = self.layers_of(self.parameters)
+        self.gradient = torch.zeros(count, device=device)
+        self.layers = tuple(_layers(self.sizes, self.parameters))
+        self._slopes = tuple(_layers(self.sizes, self.gradient))
         for layer in self.layers:
             _draw(layer, generator)
 
-    def layers_of(self, vector: torch.Tensor) -> tuple[Layer, ...]:
-        """A vector of parameters, or of their gradient, seen as layers."""
-        return tuple(_layers(self.sizes, vector))
+    def draw_noise(self) -> None:
+        """Take other weights for what follows; here there is no noise in them."""
 
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
         """What each layer gives, hidden layers after their ReLU; the Q-values are last.
@@ -65,7 +71,6 @@ class QNetwork:
         observations: torch.Tensor,
         outputs: Sequence[torch.Tensor],
         slopes: torch.Tensor,
-        gradient: Sequence[Layer],
     ) -> None:
         """Write a loss's gradient in the parameters into `gradient`.
 
@@ -76,12 +81,11 @@ class QNetwork:
             observations: what `forward` was given.
             outputs: what it gave.
             slopes: the loss's derivative in each Q-value. Shape: (B, A).
-            gradient: layers of a vector, see `layers_of`; overwritten.
         """
         for index in reversed(range(len(self.layers))):
             inputs = outputs[index - 1] if index else observations
-            torch.mm(inputs.t(), slopes, out=gradient[index].weight)
-            torch.sum(slopes, 0, out=gradient[index].bias)
+            torch.mm(inputs.t(), slopes, out=self._slopes[index].weight)
+            torch.sum(slopes, 0, out=self._slopes[index].bias)
             if index:
                 slopes = torch.mm(slopes, self.layers[index].weight.t())
                 # ReLU's derivative: 0 wherever it gave 0.
@@ -89,11 +93,7 @@ class QNetwork:
 
     def get_state(self) -> dict[str, torch.Tensor]:
         """The parameters by layer, named and laid out as PyTorch's Linear has them."""
-        state = {}
-        for index, layer in enumerate(self.layers):
-            state[f"layers.{index}.weight"] = layer.weight.t().contiguous().cpu().clone()
-            state[f"layers.{index}.bias"] = layer.bias.cpu().clone()
-        return state
+        return _state(self.layers)
 
     def set_state(self, state: Mapping[str, torch.Tensor]) -> None:
         """Take over what `get_state` gave.
@@ -101,13 +101,113 @@ class QNetwork:
         Raises:
             ValueError: the state belongs to a network of another shape.
         """
-        mine = {name: value.shape for name, value in self.get_state().items()}
-        theirs = {name: value.shape for name, value in state.items()}
-        if mine != theirs:
-            raise ValueError(f"parameters of shapes {theirs}, expected {mine}")
-        for index, layer in enumerate(self.layers):
-            layer.weight.copy_(state[f"layers.{index}.weight"].t())
-            layer.bias.copy_(state[f"layers.{index}.bias"])
+        _check(self.get_state(), state)
+        _take(self.layers, state)
+
+
+class NoisyQNetwork(QNetwork):
+    """A network whose weights are drawn anew, each around its mean with a spread that is learnt too.
+
+    The weights in use are mean + spread · noise. `parameters` holds all means and then all spreads, each laid
+    out as the weights are. The noise of a weight is that of its input times that of its output, as the paper
+    has it for speed: far fewer numbers are drawn than there are weights. Until `draw_noise` there is none.
+
+    Source: Fortunato et al., "Noisy networks for exploration", 2018, factorised noise.
+    """
+
+    def __init__(
+        self,
+        observation_size: int,
+        hidden: Sequence[int],
+        action_count: int,
+        generator: torch.Generator,
+        device: torch.device,
+    ) -> None:
+        super().__init__(observation_size, hidden, action_count, generator, device)
+        self._generator = generator
+        self._weights, self._weights_gradient = self.parameters, self.gradient
+        count = len(self._weights)
+        self.parameters, self.gradient = torch.zeros(2, 2 * count, device=device)
+        self._mean, self._spread = torch.split(self.parameters, count)
+        self._mean.copy_(self._weights)
+        self._noise = torch.zeros(count, device=device)
+        self._noise_layers = tuple(_layers(self.sizes, self._noise))
+        for layer in _layers(self.sizes, self._spread):
+            for part in layer:
+                part.fill_(SPREAD * layer.weight.shape[0] ** -0.5)
+
+    def draw_noise(self) -> None:
+        """Draw all weights anew."""
+        ends = sum(self.sizes[:-1]) + sum(self.sizes[1:])
+        drawn = torch.randn(ends, generator=self._generator).to(self._noise.device)
+        # Source: Fortunato et al., f(x) = sgn(x) √|x|.
+        parts = torch.split(drawn.sign() * drawn.abs().sqrt(), [*self.sizes[:-1], *self.sizes[1:]])
+        depth = len(self._noise_layers)
+        for layer, inputs, outputs in zip(self._noise_layers, parts[:depth], parts[depth:], strict=True):
+            torch.outer(inputs, outputs, out=layer.weight)
+            layer.bias.copy_(outputs)
+        self._use()
+
+    def backward(
+        self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
+    ) -> None:
+        """Write a loss's gradient in means and spreads into `gradient`; see `QNetwork.backward`."""
+        super().backward(observations, outputs, slopes)
+        mean, spread = torch.split(self.gradient, len(self._mean))
+        mean.copy_(self._weights_gradient)
+        torch.mul(self._weights_gradient, self._noise, out=spread)
+
+    def get_state(self) -> dict[str, torch.Tensor]:
+        """Means and spreads by layer, named and laid out as PyTorch's Linear has them."""
+        return _state(_layers(self.sizes, self._mean)) | _state(_layers(self.sizes, self._spread), "spread.")
+
+    def set_state(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Take over what `get_state` gave; the weights in use are the means until `draw_noise`.
+
+        Raises:
+            ValueError: the state belongs to a network of another shape.
+        """
+        _check(self.get_state(), state)
+        _take(_layers(self.sizes, self._mean), state)
+        _take(_layers(self.sizes, self._spread), state, "spread.")
+        self._noise.zero_()
+        self._use()
+
+    def _use(self) -> None:
+        torch.addcmul(self._mean, self._spread, self._noise, out=self._weights)
+
+
+def make_network(
+    config: NetworkConfig,
+    observation_size: int,
+    action_count: int,
+    generator: torch.Generator,
+    device: torch.device,
+) -> QNetwork:
+    """The network of a configuration, untrained."""
+    kind = NoisyQNetwork if config.noisy else QNetwork
+    return kind(observation_size, config.hidden, action_count, generator, device)
+
+
+def _state(layers: Iterable[Layer], prefix: str = "") -> dict[str, torch.Tensor]:
+    state = {}
+    for index, layer in enumerate(layers):
+        state[f"{prefix}layers.{index}.weight"] = layer.weight.t().contiguous().cpu().clone()
+        state[f"{prefix}layers.{index}.bias"] = layer.bias.cpu().clone()
+    return state
+
+
+def _take(layers: Iterable[Layer], state: Mapping[str, torch.Tensor], prefix: str = "") -> None:
+    for index, layer in enumerate(layers):
+        layer.weight.copy_(state[f"{prefix}layers.{index}.weight"].t())
+        layer.bias.copy_(state[f"{prefix}layers.{index}.bias"])
+
+
+def _check(mine: Mapping[str, torch.Tensor], theirs: Mapping[str, torch.Tensor]) -> None:
+    expected = {name: value.shape for name, value in mine.items()}
+    found = {name: value.shape for name, value in theirs.items()}
+    if expected != found:
+        raise ValueError(f"parameters of shapes {found}, expected {expected}")
 
 
 def _layers(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:

@@ -32,8 +32,10 @@ def learning_rate_schedule(config: TrainConfig) -> LinearSchedule:
 
 
 def epsilon_schedule(config: TrainConfig) -> LinearSchedule:
-    """The exploration rate ε by episode."""
+    """The exploration rate ε by episode; 0 where noise in the weights explores instead."""
     schedule = config.schedule
+    if config.network.noisy:
+        return LinearSchedule(0.0, 0.0, 0.0)
     return LinearSchedule(schedule.epsilon_start, schedule.epsilon_end, _duration(config))
 
 

@@ -7,11 +7,12 @@ def test_it_is_pytorchs_adam_to_the_bit() -> None:
     generator = torch.Generator().manual_seed(0)
     mine = torch.randn(500, generator=generator)
     theirs = torch.nn.Parameter(mine.clone())
-    adam, reference = Adam(mine), torch.optim.Adam([theirs], fused=True)
+    mine_gradient = torch.zeros(500)
+    adam, reference = Adam(mine, mine_gradient), torch.optim.Adam([theirs], fused=True)
     for step in range(40):
         adam.learning_rate = reference.param_groups[0]["lr"] = 0.01 / (1 + step)
         gradient = torch.randn(500, generator=generator)
-        adam.gradient.copy_(gradient)
+        mine_gradient.copy_(gradient)
         theirs.grad = gradient
         adam.step()
         reference.step()
@@ -20,13 +21,12 @@ def test_it_is_pytorchs_adam_to_the_bit() -> None:
 
 def test_a_state_carries_over_and_stands_alone() -> None:
     mine = torch.ones(8)
-    adam = Adam(mine)
-    adam.gradient.fill_(0.5)
+    gradient = torch.full((8,), 0.5)
+    adam = Adam(mine, gradient)
     adam.step()
     state, parameters = adam.get_state(), mine.clone()
-    restored = Adam(parameters)
+    restored = Adam(parameters, gradient)
     adam.step()
     restored.set_state(state)
-    restored.gradient.fill_(0.5)
     restored.step()
     assert torch.equal(mine, parameters)

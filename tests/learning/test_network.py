@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from drlsl.learning.network import Policy, QNetwork
+from drlsl.learning.network import SPREAD, Layer, NoisyQNetwork, Policy, QNetwork
 
 CPU = torch.device("cpu")
 
@@ -29,6 +29,13 @@ def reference(source: QNetwork) -> nn.Sequential:
     return plain
 
 
+def layers_of(source: QNetwork, vector: torch.Tensor) -> Sequence[Layer]:
+    """A vector laid out as the network's parameters, seen as layers."""
+    other = QNetwork(source.sizes[0], source.sizes[1:-1], source.sizes[-1], torch.Generator(), CPU)
+    other.parameters.copy_(vector)
+    return other.layers
+
+
 SIZES = st.lists(st.integers(1, 12), min_size=3, max_size=5)
 
 
@@ -45,14 +52,13 @@ def test_the_gradient_is_autograds(sizes: list[int], rows: int, seed: int) -> No
     observations = torch.rand(rows, sizes[0], generator=generator)
     slopes = torch.randn(rows, sizes[-1], generator=generator)
     outputs = source.forward(observations)
-    vector = torch.full_like(source.parameters, torch.nan)
-    gradient = source.layers_of(vector)
-    source.backward(observations, outputs, slopes, gradient)
+    source.gradient.fill_(torch.nan)
+    source.backward(observations, outputs, slopes)
     values = plain(observations)
     values.backward(slopes)
     torch.testing.assert_close(outputs[-1], values.detach())
-    assert vector.isfinite().all()
-    for mine, module in zip(gradient, plain[::2], strict=True):
+    assert source.gradient.isfinite().all()
+    for mine, module in zip(layers_of(source, source.gradient), plain[::2], strict=True):
         torch.testing.assert_close(mine.weight.t(), module.weight.grad, rtol=1e-5, atol=1e-6)
         torch.testing.assert_close(mine.bias, module.bias.grad, rtol=1e-5, atol=1e-6)
 
@@ -100,3 +106,64 @@ def test_a_policy_follows_its_network() -> None:
 def test_an_observation_that_is_not_finite_is_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="not finite"):
         Policy(network(), CPU).values(np.array([[0.0] * 10, [bad] + [0.0] * 9], np.float32))
+
+
+def noisy(seed: int = 0, sizes: Sequence[int] = (10, 256, 256, 3)) -> NoisyQNetwork:
+    return NoisyQNetwork(sizes[0], sizes[1:-1], sizes[-1], torch.Generator().manual_seed(seed), CPU)
+
+
+@given(sizes=SIZES, rows=st.integers(1, 9), seed=st.integers(0, 1_000))
+@settings(max_examples=60, deadline=None)
+def test_the_gradient_of_means_and_spreads_is_autograds(sizes: list[int], rows: int, seed: int) -> None:
+    source = noisy(seed, sizes)
+    source.draw_noise()
+    generator = torch.Generator().manual_seed(seed)
+    observations = torch.rand(rows, sizes[0], generator=generator)
+    slopes = torch.randn(rows, sizes[-1], generator=generator)
+    outputs = source.forward(observations)
+    source.backward(observations, outputs, slopes)
+    mean, spread = source.parameters.clone().requires_grad_().split(len(source.parameters) // 2)
+    means, spreads = (layers_of(source, part.detach()) for part in (mean, spread))
+    values, leaves = observations, []
+    for index, (drawn, middle, width) in enumerate(zip(source.layers, means, spreads, strict=True)):
+        parts = [part.clone().requires_grad_() for part in (*middle, *width)]
+        noise = [(now - about) / wide for now, about, wide in zip(drawn, middle, width, strict=True)]
+        weight, bias = (parts[side] + parts[side + 2] * noise[side] for side in (0, 1))
+        values = torch.addmm(bias, values, weight)
+        values = values.relu() if index < len(sizes) - 2 else values
+        leaves.append(parts)
+    values.backward(slopes)
+    torch.testing.assert_close(outputs[-1], values.detach(), rtol=1e-4, atol=1e-5)
+    found = [layers_of(source, half) for half in source.gradient.split(len(mean))]
+    for index, parts in enumerate(leaves):
+        mine = [*found[0][index], *found[1][index]]
+        for ours, theirs in zip(mine, parts, strict=True):
+            torch.testing.assert_close(ours, theirs.grad, rtol=1e-3, atol=1e-4)
+
+
+def test_noise_is_factorised_and_spread_as_published() -> None:
+    source = noisy(3, (400, 300, 3))
+    means = [part.clone() for layer in source.layers for part in layer]
+    source.draw_noise()
+    drawn = [part.clone() for layer in source.layers for part in layer]
+    weight, bias = ((now - mean) * 400**0.5 / SPREAD for now, mean in zip(drawn[:2], means[:2], strict=True))
+    # Of rank one: the noise of an input times that of an output, which is that of the bias.
+    torch.testing.assert_close(weight, torch.outer(weight[:, 0] / bias[0], bias), rtol=1e-2, atol=1e-3)
+    # f(x) = sgn(x) sqrt|x| of a standard normal has the mean square E|x| = sqrt(2 / pi).
+    assert bias.square().mean().item() == pytest.approx((2 / torch.pi) ** 0.5, abs=0.12)
+    source.draw_noise()
+    assert not torch.equal(source.layers[0].weight, drawn[0])
+
+
+def test_a_stored_noisy_network_drives_without_noise() -> None:
+    source, other = noisy(0), noisy(1)
+    observations = torch.rand(4, 10)
+    still = source.forward(observations)[-1]
+    source.draw_noise()
+    assert not torch.equal(source.forward(observations)[-1], still)
+    other.draw_noise()
+    other.set_state(source.get_state())
+    assert torch.equal(other.forward(observations)[-1], still)
+    assert torch.equal(other.parameters, source.parameters)
+    with pytest.raises(ValueError, match="expected"):
+        network().set_state(source.get_state())

@@ -1,0 +1,43 @@
+"""Signals that ask a command to save what it has and end."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Callable, Iterator
+from types import FrameType
+
+
+class Stop:
+    """Whether a signal has asked for the end, and which."""
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+
+    def requested(self) -> bool:
+        """Whether the end was asked for."""
+        return self.signal is not None
+
+    @property
+    def status(self) -> int:
+        """The exit status of a command that a signal ended."""
+        return 128 + (self.signal or signal.SIGINT)
+
+
+@contextlib.contextmanager
+def stop_on_signal(say: Callable[[str], object]) -> Iterator[Stop]:
+    """Note the first SIGINT or SIGTERM, so that the work is saved; a second one stops at once."""
+    stop = Stop()
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop.requested():
+            raise KeyboardInterrupt
+        stop.signal = number
+        say("saving; once more stops at once")
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
