@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from drlsl.learning.episode import Highway
     from drlsl.learning.evaluation import ShieldState
+    from drlsl.learning.fleet import VectorHighway
     from drlsl.learning.rundir import RunFolder
 
 ROWS: Sequence[tuple[str, str, str]] = (
@@ -67,8 +67,8 @@ def evaluate(
     """
     from rich.console import Console
 
-    from drlsl import driving
     from drlsl.config import make_config, merged
+    from drlsl.learning.evaluation import make_evaluation_env
     from drlsl.learning.rundir import RunFolder
 
     folder = RunFolder.open(run)
@@ -82,7 +82,7 @@ def evaluate(
     config = make_config(merged(folder.config.model_dump(), given), "command line")
     records = evaluate_run(
         folder,
-        driving.make_env(config.env),
+        make_evaluation_env(config.env),
         shields=("on", "off") if shield == "both" else (shield,),
         episodes=episodes or config.evaluation.episodes,
         seed=config.seed if seed is None else seed,
@@ -97,7 +97,7 @@ def evaluate(
 
 def evaluate_run(
     folder: RunFolder,
-    env: Highway,
+    env: VectorHighway,
     *,
     shields: Sequence[ShieldState],
     episodes: int,

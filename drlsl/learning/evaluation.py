@@ -3,27 +3,41 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
+from drlsl import driving
+from drlsl.driving.config import EnvConfig
 from drlsl.learning.dqn import greedy_choice
 from drlsl.learning.episode import (
     EVALUATION_STREAM,
     EpisodeSummary,
-    EpisodeTally,
-    Highway,
     all_actions,
-    episode_seed,
     rule_safe_actions,
 )
+from drlsl.learning.fleet import Fleet, VectorHighway
 from drlsl.learning.network import Policy
 
 ShieldState = Literal["on", "off"]
 
 
+SIDE_BY_SIDE: Final = 25
+"""Episodes of an evaluation that are driven in step."""
+
+
+def make_evaluation_env(config: EnvConfig) -> VectorHighway:
+    """The environments to evaluate policies in.
+
+    Raises:
+        UserError: the recording or the rules cannot be used.
+    """
+    return driving.make_vec(config, SIDE_BY_SIDE, AutoresetMode.DISABLED)
+
+
 def drive(
-    env: Highway, policy: Policy, *, shield: ShieldState, episodes: int, seed: int
+    env: VectorHighway, policy: Policy, *, shield: ShieldState, episodes: int, seed: int
 ) -> Iterator[EpisodeSummary]:
     """Drive greedily, one summary per episode; the same seed gives the same episodes, shield on or off.
 
@@ -33,23 +47,21 @@ def drive(
         DivergedError: a Q-value is not finite.
         ValueError: the environment gave an observation that is not finite, or offered no action.
     """
-    for index in range(episodes):
-        yield _drive_episode(env, policy, shield, episode_seed(seed, EVALUATION_STREAM, index))
-
-
-def _drive_episode(env: Highway, policy: Policy, shield: ShieldState, seed: int) -> EpisodeSummary:
     offer = rule_safe_actions if shield == "on" else all_actions
-    observation, info = env.reset(seed=seed)
-    tally = EpisodeTally(1)
-    over = False
-    while not over:
-        safe = info["action_mask"][None].astype(np.bool_)
-        offered = offer(safe)
-        choice = greedy_choice(policy.values(observation[None]), offered)
-        observation, reward, terminated, truncated, info = env.step(choice.actions[0])
-        tally.add(np.array([reward], np.float64), info, offered, ~safe[:, choice.preferred[0]])
-        over = terminated or truncated
-    return tally.summary(0, info)
+    fleet = Fleet(env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM)
+    everyone = np.arange(env.num_envs)
+    ahead: dict[int, EpisodeSummary] = {}
+    following = 1
+    while following <= episodes:
+        fleet.begin()
+        offered = offer(fleet.safe)
+        choice = greedy_choice(policy.values(fleet.observations), offered)
+        intervened = ~fleet.safe[everyone, choice.preferred]
+        for ended in fleet.count(fleet.step(choice.actions), offered, intervened, ()):
+            ahead[ended.episode] = ended.summary
+        while following in ahead:
+            yield ahead.pop(following)
+            following += 1
 
 
 @dataclass(frozen=True, slots=True)

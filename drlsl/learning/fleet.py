@@ -77,17 +77,21 @@ class _Learnt(NamedTuple):
 class Fleet:
     """N environments, each in an episode of its own, until a number of episodes is driven.
 
-    Episodes are numbered as they begin, and each is a function of the run's seed, its number and the actions
-    taken. When no episode is left to begin, an environment drives on for nothing until the others are done.
+    Episodes are numbered as they begin, and each is a function of the run's seed, the `stream` that it
+    belongs to, its number and the actions taken. When no episode is left to begin, an environment drives on
+    for nothing until the others are done.
     """
 
-    def __init__(self, env: VectorHighway, *, episodes: int, seed: int) -> None:
+    def __init__(
+        self, env: VectorHighway, *, episodes: int, seed: int, stream: int = TRAINING_STREAM
+    ) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
             raise TypeError(f"expected an environment without autoreset, got {env.metadata}")
         size, count = space_sizes(env.single_observation_space, env.single_action_space)
         self._env = env
         self._episodes = episodes
         self._seed = seed
+        self._stream = stream
         self.observations = np.zeros((env.num_envs, size), np.float32)
         """What each environment shows now. Shape: (N, S)."""
         self.safe = np.zeros((env.num_envs, count), np.bool_)
@@ -108,7 +112,7 @@ class Fleet:
             return
         seeds: list[int | None] = [None] * len(self._over)
         for index in np.flatnonzero(self._over).tolist():
-            seeds[index] = episode_seed(self._seed, TRAINING_STREAM, self._begun)
+            seeds[index] = episode_seed(self._seed, self._stream, self._begun)
             self._counted[index] = self._begun < self._episodes
             self._begun += int(self._counted[index])
             self._numbers[index] = self._begun

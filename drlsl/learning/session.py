@@ -9,7 +9,6 @@ from drlsl import driving
 from drlsl.config import TrainConfig, make_config
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import load_state, save_state
-from drlsl.learning.episode import Highway
 from drlsl.learning.figures import write_training_figures
 from drlsl.learning.fleet import VectorHighway
 from drlsl.learning.network import Policy
@@ -87,14 +86,14 @@ class Session:
         return write_training_figures({self.folder.config.method: self.folder.metrics()}, self.folder.figures)
 
 
-def load_policy(folder: RunFolder, env: Highway) -> Policy:
+def load_policy(folder: RunFolder, env: VectorHighway) -> Policy:
     """The policy of a run as its last checkpoint left it, for an environment with the same spaces.
 
     Raises:
         UserError: the weights are missing, damaged, or of another network than config.yaml describes.
     """
     state = load_state(folder.policy, "policy")
-    agent, _ = make_learner(env.observation_space, env.action_space, folder.config)
+    agent, _ = make_learner(env.single_observation_space, env.single_action_space, folder.config)
     try:
         agent.network.set_state(state["network"])
     except ValueError as error:

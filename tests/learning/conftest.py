@@ -7,7 +7,7 @@ from drlsl import driving
 from drlsl.config import TrainConfig, make_config
 from drlsl.driving.config import EnvConfig
 
-from .fake import FakeHighway, FakeVector, fakes
+from .fake import FakeVector, fakes
 
 
 @pytest.fixture
@@ -36,13 +36,9 @@ def small_config() -> TrainConfig:
 def fake_driving(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let configurations make the fake environment."""
 
-    def make_env(config: EnvConfig) -> FakeHighway:
-        return FakeHighway(config.track_length)
-
     def make_vec(config: EnvConfig, num_envs: int, mode: AutoresetMode) -> FakeVector:
         assert mode is AutoresetMode.DISABLED
         return fakes(num_envs, config.track_length)
 
     # Not setattr, which would first load the real environment only to remember it.
-    monkeypatch.setitem(vars(driving), "make_env", make_env)
     monkeypatch.setitem(vars(driving), "make_vec", make_vec)

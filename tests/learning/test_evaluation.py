@@ -7,7 +7,7 @@ import pytest
 from drlsl.learning.episode import EVALUATION_STREAM, TRAINING_STREAM, EpisodeSummary, episode_seed
 from drlsl.learning.evaluation import ShieldState, as_record, drive, totals
 
-from .fake import FakeHighway
+from .fake import fakes
 
 
 class Fixed:
@@ -22,7 +22,7 @@ class Fixed:
 
 def driven(*values: float, shield: ShieldState, seed: int = 0, episodes: int = 30) -> list[EpisodeSummary]:
     policy: Any = Fixed(*values)
-    return list(drive(FakeHighway(), policy, shield=shield, episodes=episodes, seed=seed))
+    return list(drive(fakes(4), policy, shield=shield, episodes=episodes, seed=seed))
 
 
 def test_without_the_shield_the_best_action_of_all_is_taken() -> None:
@@ -63,6 +63,15 @@ def test_the_same_episodes_are_driven_with_and_without_the_shield() -> None:
 
 def test_more_episodes_begin_with_the_same_ones() -> None:
     assert driven(1, 0, 0, shield="off", episodes=9)[:4] == driven(1, 0, 0, shield="off", episodes=4)
+
+
+def test_episodes_come_in_order_however_many_are_driven_side_by_side() -> None:
+    policy: Any = Fixed(0, 0, 1)
+    alone, together = (
+        list(drive(fakes(count), policy, shield="on", episodes=11, seed=5)) for count in (1, 7)
+    )
+    assert alone == together
+    assert len(alone) == 11
 
 
 def test_no_training_episode_is_met_again() -> None:

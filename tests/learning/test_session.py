@@ -18,7 +18,7 @@ from drlsl.learning.rundir import RunFolder
 from drlsl.learning.session import Session, load_policy
 
 from .conftest import small_config
-from .fake import FakeHighway
+from .fake import fakes
 
 pytestmark = pytest.mark.usefixtures("fake_driving")
 
@@ -200,16 +200,16 @@ def test_a_policy_drives_as_its_training_left_it(tmp_path: Path, tiny_config: Tr
     session = Session.start(tmp_path / "run", tiny_config)
     for _ in session.run():
         pass
-    env = FakeHighway()
+    env = fakes(2)
     policy = load_policy(RunFolder.open(tmp_path / "run"), env)
     for seed in range(5):
-        observation, _ = env.reset(seed=seed)
-        expected = session.trainer.agent.policy.values(observation[None])
-        assert policy.values(observation[None]).tolist() == expected.tolist()
+        observation, _ = env.reset(seed=[seed, seed + 10])
+        expected = session.trainer.agent.policy.values(observation)
+        assert policy.values(observation).tolist() == expected.tolist()
 
 
 def test_weights_of_another_network_are_refused(tmp_path: Path, tiny_config: TrainConfig) -> None:
     train_whole(tmp_path / "run", tiny_config)
     wider = make_config(merged(tiny_config.model_dump(), {"network": {"hidden": [32]}}), "test")
     with pytest.raises(UserError, match="do not fit"):
-        load_policy(RunFolder(tmp_path / "run", wider), FakeHighway())
+        load_policy(RunFolder(tmp_path / "run", wider), fakes(1))
