@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "drlsl"
-ORDER = ["errors", "logic", "traffic", "driving", "assurance", "config", "learning", "cli"]
+ORDER = ["errors", "logic", "traffic", "driving", "assurance", "config", "learning", "study", "verify", "cli"]
 ALLOWED_IN_LOGIC = {"llvmlite", "numba", "numpy", "torch"}
 TORCH_BACK_END = {"torch_backend.py", "torch_ops.py"}
 
@@ -74,6 +74,12 @@ def test_driving_never_imports_torch(path: Path) -> None:
 def test_only_commands_ask_for_evidence(path: Path) -> None:
     if path.relative_to(PACKAGE).parts[0] not in ("assurance", "cli"):
         assert not any(module.startswith("drlsl.assurance") for module, _ in imports(path))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_one_module_imports_ray(path: Path) -> None:
+    if path.relative_to(PACKAGE).as_posix() != "study/cluster.py":
+        assert all(module.split(".")[0] != "ray" for module, _ in imports(path))
 
 
 def loaded_by(code: str) -> set[str]:

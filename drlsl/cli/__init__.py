@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from drlsl.cli import bench, data, evaluate, query, rules, stress, train
+from drlsl.cli import bench, data, evaluate, query, rules, stress, study, train
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 
@@ -28,6 +28,7 @@ app = typer.Typer(
     add_completion=False,
 )
 app.command()(train.train)
+app.command()(study.study)
 app.command("eval")(evaluate.evaluate)
 app.command()(query.query)
 app.command()(stress.stress)

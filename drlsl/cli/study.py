@@ -1,0 +1,205 @@
+"""`drlsl study`: every method, trained over several seeds, tested, and reported."""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from drlsl.cli.stopping import stop_on_signal
+from drlsl.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from drlsl.study.folder import StudyFolder
+    from drlsl.study.plan import StudyConfig
+    from drlsl.study.schedule import Progress
+    from drlsl.study.workers import Workers
+
+PRESET = "smoke"
+"""What a study without --preset and --config is."""
+
+FAILED = 1
+"""Exit status of a study with runs that were given up."""
+
+
+def study(
+    preset: Annotated[
+        str | None, typer.Option(help="Study that ships with DRLSL: smoke (default), paper or full.")
+    ] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with a study of your own.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The study's folder; default: runs/study-PRESET. One that is there is gone on with."
+        ),
+    ] = None,
+    seeds: Annotated[int | None, typer.Option(min=1, help="Trainings of each method.")] = None,
+    episodes: Annotated[int | None, typer.Option(min=1, help="Episodes of each training.")] = None,
+    methods: Annotated[
+        list[str] | None, typer.Option(help="Method of the study to keep, by name; may be repeated.")
+    ] = None,
+    test: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH", help="Recording, or folder of NGSIM files, to test in too; may be repeated."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one for each processor.")
+    ] = None,
+    ray: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Ray cluster to spread the runs over, or auto.")
+    ] = None,
+    report_only: Annotated[
+        bool, typer.Option("--report-only", help="Write the report of what is there, and run nothing.")
+    ] = False,
+    print_config: Annotated[
+        bool, typer.Option("--print-config", help="Print the study that would be run, and stop.")
+    ] = False,
+) -> None:
+    """Train every method over several seeds, test each policy with the shield and without, and report.
+
+    The folder tells what is done: after Ctrl-C, a crash or kill -9 the same command goes on where it stopped.
+    A run that fails is tried once more, and then reported. The report lies in the folder's report/.
+    """
+    from drlsl.study.folder import StudyFolder
+    from drlsl.study.plan import dump_study
+
+    root = out or Path("runs") / f"study-{preset or (config.stem if config else PRESET)}"
+    if report_only:
+        return _report(StudyFolder.open(root))
+    chosen = _chosen(root, preset, config, seeds, episodes, methods, test)
+    if print_config:
+        typer.echo(dump_study(chosen), nl=False)
+        return None
+    folder = _prepare(root, chosen)
+    return _run(folder, jobs, ray)
+
+
+def _chosen(
+    root: Path,
+    preset: str | None,
+    config: Path | None,
+    seeds: int | None,
+    episodes: int | None,
+    methods: list[str] | None,
+    test: list[str] | None,
+) -> StudyConfig:
+    """The study that the flags mean; without any, the one in the folder."""
+    from drlsl.study.folder import STUDY
+    from drlsl.study.plan import load_study, preset_study, with_changes
+
+    if preset and config:
+        raise UserError("--preset and --config: give one of them")
+    if not (preset or config) and (root / STUDY).is_file():
+        base = load_study(root / STUDY)
+    else:
+        base = load_study(config) if config else preset_study(preset or PRESET)
+    return with_changes(base, seeds=seeds, episodes=episodes, methods=methods, tests=test)
+
+
+def _prepare(root: Path, chosen: StudyConfig) -> StudyFolder:
+    from drlsl.study.folder import StudyFolder
+    from drlsl.study.tasks import inputs_of
+
+    command = shlex.join(["drlsl", *sys.argv[1:]])
+    return StudyFolder.prepare(root, chosen, {"command": command, **inputs_of(chosen)})
+
+
+def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
+    from rich.console import Console
+
+    from drlsl.study.schedule import work
+
+    console = Console(stderr=True)
+    with folder.locked(), stop_on_signal(console.print) as stop:
+        with _display(folder, console) as show:
+            for progress in work(folder, _workers(folder, jobs, ray), stop.requested):
+                show(progress)
+        if stop.requested():
+            console.print(f"saved in {folder.root}; the same command goes on")
+            raise typer.Exit(stop.status)
+        _report(folder)
+        if progress.given_up:
+            raise typer.Exit(FAILED)
+
+
+def _workers(folder: StudyFolder, jobs: int | None, ray: str | None) -> Workers:
+    from drlsl.study.local import LocalWorkers
+    from drlsl.study.machine import cores
+    from drlsl.study.tasks import perform
+
+    if ray is None:
+        return LocalWorkers(folder, perform, jobs or cores())
+    if jobs is not None:
+        raise UserError("--jobs is for this machine; with --ray the cluster's processors decide")
+    try:
+        from drlsl.study.cluster import RayWorkers
+    except ImportError as error:
+        raise UserError("--ray needs the extra 'ray': pip install 'drlsl[ray]'") from error
+    return RayWorkers(folder, perform, ray)
+
+
+def _report(folder: StudyFolder) -> None:
+    from drlsl.study.report import write_report
+
+    out = write_report(folder)
+    typer.echo(f"report in {out}: report.md, report.html, tables/*.csv, figures/*.png")
+
+
+@contextlib.contextmanager
+def _display(folder: StudyFolder, console: Console) -> Iterator[Callable[[Progress], None]]:
+    """Bars on a terminal, otherwise a line for each task that ends."""
+    if not console.is_terminal:
+        yield lambda progress: _print_end(folder, console, progress)
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Bars(*columns, console=console) as bars:
+        yield _Bars(folder, bars).show
+
+
+class _Bars:
+    """A bar for the whole study, and one for each run in work."""
+
+    def __init__(self, folder: StudyFolder, bars: Any) -> None:
+        self._folder = folder
+        self._bars = bars
+        self._whole = bars.add_task("study", total=len(folder.study.tasks))
+        self._of: dict[str, Any] = {}
+
+    def show(self, progress: Progress) -> None:
+        """Bring the bars to where the study stands."""
+        _print_end(self._folder, self._bars.console, progress)
+        self._bars.update(self._whole, completed=progress.done + progress.given_up)
+        busy = {task.name: task for task in progress.busy}
+        for name in set(self._of) - set(busy):
+            self._bars.remove_task(self._of.pop(name))
+        for name, task in busy.items():
+            episodes = self._folder.study.training(task.run).episodes if task.test is None else None
+            if name not in self._of:
+                self._of[name] = self._bars.add_task(name, total=episodes)
+            if episodes:
+                self._bars.update(self._of[name], completed=self._folder.episodes_done(task.run))
+
+
+def _print_end(folder: StudyFolder, console: Console, progress: Progress) -> None:
+    if progress.ended is None:
+        return
+    name, standing = progress.ended.name, f"{progress.done + progress.given_up}/{progress.total}"
+    if progress.failure is None:
+        console.print(f"{standing} {name}", highlight=False)
+    else:
+        again = "given up" if folder.is_given_up(progress.ended) else "trying again"
+        console.print(
+            f"{standing} {name} failed, {again}: {progress.failure.summary}", highlight=False, markup=False
+        )

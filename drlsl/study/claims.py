@@ -1,0 +1,173 @@
+"""What a study should show, held against what it shows; and where its order is the paper's."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from drlsl.learning.evaluation import ShieldState
+from drlsl.study import paper
+from drlsl.study.plan import Run, StudyConfig
+from drlsl.study.results import Results
+from drlsl.study.statistics import interquartile_mean
+from drlsl.study.tables import TABLE_1_ROWS, Table, convergence_of, rows_of, seeds_of
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A statement, whether the study bears it out (None: it has no result that tells), and the numbers."""
+
+    statement: str
+    holds: bool | None
+    evidence: str
+
+
+def claims(results: Results) -> list[Claim]:
+    """What the shield promises of every method that learns behind rules, one by one."""
+    study = results.study
+    shielded = [name for name in study.methods if _trained_as(study, name) == "dqnsl"]
+    found = []
+    for name in shielded:
+        found += [_safe_training(results, name), _safe_tests(results, name)]
+        baseline = _baseline(study, name)
+        if baseline is not None:
+            found += [
+                _less(results, name, baseline, "lane_changes"),
+                _less(results, name, baseline, "time_steps"),
+                _sooner(results, name, baseline),
+            ]
+    return found
+
+
+def agreement(results: Results) -> Table:
+    """For each number of Table 1, the paper's order of the methods beside ours, shield off."""
+    rows = []
+    for test, scenario in results.study.tests.items():
+        if scenario.paper is None:
+            continue
+        for row in paper.TABLE_1[scenario.paper]:
+            ours = {name: _quantity(results, name, test, row, "off") for name in results.study.methods}
+            theirs = {
+                name: float(paper.table_1(scenario.paper, row, method.paper))
+                for name, method in results.study.methods.items()
+                if method.paper is not None
+            }
+            pairs = [
+                np.sign(theirs[one] - theirs[other]) == np.sign(ours[one] - ours[other])
+                for one, other in combinations(theirs, 2)
+                if theirs[one] != theirs[other] and not np.isnan([ours[one], ours[other]]).any()
+            ]
+            rows.append(
+                {
+                    "test": scenario.label,
+                    "row": TABLE_1_ROWS[row][0],
+                    "paper": _order({results.study.methods[name].paper: theirs[name] for name in theirs}),
+                    "study": _order({results.study.methods[name].label: ours[name] for name in ours}),
+                    "pairs in the paper's order": f"{sum(pairs)} of {len(pairs)}",
+                }
+            )
+    frame = pd.DataFrame(rows)
+    note = "Pairs of methods that the paper has apart; how many are the same way round here."
+    return Table("agreement", "The order of the methods", frame, frame, note)
+
+
+def _safe_training(results: Results, method: str) -> Claim:
+    found = rows_of(results.training, method=method)
+    at_fault, off_road = int((found["contact"] * found["at_fault"]).sum()), int(found["off_road"].sum())
+    return Claim(
+        f"{_label(results, method)}: no contact at fault and never off the road in training",
+        at_fault == off_road == 0 if len(found) else None,
+        f"{len(found)} episodes: {at_fault} contacts at fault, {off_road} off-road",
+    )
+
+
+def _safe_tests(results: Results, method: str) -> Claim:
+    parts, bad, complete = [], 0, True
+    for test, scenario in results.study.tests.items():
+        found = rows_of(results.tests, method=method, test=test, shield="on")
+        at_fault, off_road = int(found["contacts_at_fault"].sum()), int(found["off_road"].sum())
+        bad += at_fault + off_road
+        complete &= len(found) > 0
+        parts.append(
+            f"{scenario.label} {at_fault} at fault, {off_road} off-road of {found['episodes'].sum()}"
+        )
+    statement = "no contact at fault and never off the road in any test, shield on"
+    return Claim(f"{_label(results, method)}: {statement}", bad == 0 if complete else None, "; ".join(parts))
+
+
+def _less(results: Results, method: str, baseline: str, row: str) -> Claim:
+    """Fewer lane changes than the baseline, or no more steps."""
+    strict = row == "lane_changes"
+    parts, verdicts = [], []
+    for test, scenario in results.study.tests.items():
+        mine, theirs = (_quantity(results, name, test, row, "off") for name in (method, baseline))
+        if not np.isnan([mine, theirs]).any():
+            verdicts.append(mine < theirs if strict else mine <= theirs)
+        parts.append(f"{scenario.label} {_number(mine)} to {_number(theirs)}")
+    what = "fewer lane changes than" if strict else "no more steps to the end than"
+    statement = f"{_label(results, method)}: {what} {_label(results, baseline)} in every test, shield off"
+    return Claim(statement, all(verdicts) if verdicts else None, "; ".join(parts))
+
+
+def _sooner(results: Results, method: str, baseline: str) -> Claim:
+    mine, theirs = (_convergence(results, name) for name in (method, baseline))
+    statement = f"{_label(results, method)}: converges before {_label(results, baseline)}"
+    known = seeds_of(results, method) and seeds_of(results, baseline)
+    evidence = f"episode {_number(mine)} to {_number(theirs)}" if known else "not trained"
+    return Claim(statement, mine < theirs if known else None, evidence)
+
+
+def _convergence(results: Results, method: str) -> float:
+    """The middle over seeds; a training that never converged counts as infinitely long."""
+    found = [convergence_of(results, method, seed) for seed in seeds_of(results, method)]
+    values = np.array([np.inf if episode is None else episode for episode in found], np.float64)
+    return float(interquartile_mean(values)) if len(values) else np.nan
+
+
+def _quantity(results: Results, method: str, test: str, row: str, shield: ShieldState) -> float:
+    """The middle over seeds of a row of Table 1; NaN where there is none."""
+    found = rows_of(results.tests, method=method, test=test, shield=shield)
+    values = np.asarray(TABLE_1_ROWS[row][1](found).dropna(), np.float64)
+    return float(interquartile_mean(values)) if len(values) else np.nan
+
+
+def _baseline(study: StudyConfig, method: str) -> str | None:
+    """The unshielded method that differs from this one in the fewest settings."""
+    mine = _settings(study, method)
+    others = [name for name in study.methods if _trained_as(study, name) == "dqn"]
+    return min(others, key=lambda name: len(mine ^ _settings(study, name)), default=None)
+
+
+def _settings(study: StudyConfig, method: str) -> set[str]:
+    return set(_leaves(study.training(Run(method, 0)).model_dump(mode="json")))
+
+
+def _leaves(values: dict[str, Any], path: str = "") -> Iterator[str]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}={value}"
+
+
+def _trained_as(study: StudyConfig, method: str) -> str:
+    return study.training(Run(method, 0)).method
+
+
+def _label(results: Results, method: str) -> str:
+    return results.study.methods[method].label
+
+
+def _order(values: dict[Any, float]) -> str:
+    """Names with their numbers, the smallest first."""
+    known = sorted(values.items(), key=lambda item: item[1])
+    return ", ".join(f"{name} {_number(value)}" for name, value in known)
+
+
+def _number(value: float) -> str:
+    if np.isnan(value):
+        return "-"
+    return "never" if np.isinf(value) else f"{value:.1f}".removesuffix(".0")

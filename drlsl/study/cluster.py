@@ -1,0 +1,83 @@
+"""Tasks on a Ray cluster."""
+
+from pathlib import Path
+from typing import Any
+
+import ray
+import ray.exceptions
+
+from drlsl.errors import UserError
+from drlsl.study.folder import Failure, StudyFolder
+from drlsl.study.plan import Task
+from drlsl.study.tasks import Perform
+from drlsl.study.workers import Outcome
+
+
+class RayWorkers:
+    """As many tasks at once as the cluster has processors, each with one PyTorch thread.
+
+    Every node must see the study's folder at the same path, and have the same version of this package. Ray
+    does not retry: the study does, and counts.
+    """
+
+    def __init__(self, folder: StudyFolder, perform: Perform, address: str) -> None:
+        """Join the cluster at an address, or the one that this node belongs to ("auto").
+
+        Raises:
+            UserError: there is no cluster.
+        """
+        try:
+            ray.init(address=address, log_to_driver=False)
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise UserError(f"--ray {address}: no Ray cluster there ({error})") from error
+        self._root = folder.root.resolve()
+        self._remote = ray.remote(num_cpus=1, max_retries=0)(_perform)
+        self._perform = perform
+        self._refs: dict[Any, Task] = {}
+
+    @property
+    def busy(self) -> list[Task]:
+        """The tasks in work, or waiting for a processor."""
+        return list(self._refs.values())
+
+    @property
+    def free(self) -> int:
+        """How many more tasks can be started; nodes may come and go."""
+        return max(1, int(ray.cluster_resources().get("CPU", 0))) - len(self._refs)
+
+    def start(self, task: Task) -> None:
+        """Begin a task."""
+        self._refs[self._remote.remote(self._perform, self._root, task)] = task
+
+    def wait(self, timeout_s: float) -> list[Outcome]:
+        """The tasks that ended; none if the time is up before."""
+        ready, _ = ray.wait(list(self._refs), num_returns=1, timeout=timeout_s)
+        return [Outcome(self._refs.pop(ref), _failure(ref)) for ref in ready]
+
+    def stop(self) -> None:
+        """End the tasks in work; they can be gone on with from their last checkpoint."""
+        for ref in self._refs:
+            ray.cancel(ref, force=True)
+        if self._refs:
+            ray.wait(list(self._refs), num_returns=len(self._refs), timeout=30)
+        self._refs.clear()
+        self.close()
+
+    def close(self) -> None:
+        """Leave the cluster."""
+        ray.shutdown()
+
+
+def _perform(perform: Perform, root: Path, task: Task) -> None:
+    """Runs on a node; a task that is not wanted any more is ended from outside."""
+    perform(root, task, lambda: False)
+
+
+def _failure(ref: Any) -> Failure | None:
+    """How a task failed, if it did."""
+    try:
+        ray.get(ref)
+    except ray.exceptions.RayError as error:
+        text = str(error).strip()
+        return Failure(text.splitlines()[-1].removeprefix("drlsl.errors.UserError: "), text)
+    return None

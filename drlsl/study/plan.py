@@ -1,0 +1,250 @@
+"""What a study consists of: its methods, seeds and tests, and the tasks that follow from them."""
+
+import importlib.resources
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from drlsl.config import TrainConfig, make_config, merged, parse_yaml, preset_names, preset_values, read_yaml
+from drlsl.driving.config import EnvConfig
+from drlsl.errors import UserError
+from drlsl.study.paper import PaperMethod, PaperTest
+
+Name = Annotated[str, Field(pattern=r"^[a-z0-9]+([._-][a-z0-9]+)*$", max_length=60)]
+"""Names of methods and tests are parts of file names."""
+
+US_101 = re.compile(r"us-?101", re.IGNORECASE)
+"""Paths of recordings of the paper's third scenario."""
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class MethodConfig(_Section):
+    """One way to train."""
+
+    label: str = Field(min_length=1, description="What the report calls it.")
+    train: dict[str, Any] = Field(
+        default_factory=dict, description="Settings of the training, laid over the study's own."
+    )
+    paper: PaperMethod | None = Field(
+        default=None, description="The method of the paper whose numbers stand beside."
+    )
+
+
+class ScenarioConfig(_Section):
+    """Traffic to test every policy in, as it was trained."""
+
+    label: str = Field(min_length=1, description="What the report calls it.")
+    recording: str | tuple[str, ...] = Field(
+        description="As env.recording: a bundled recording's name or a path, or several to draw from."
+    )
+    direction: Literal["both", "left_to_right", "right_to_left"] = Field(
+        default="both", description="As env.direction."
+    )
+    paper: PaperTest | None = Field(default=None, description="The paper's scenario to compare with.")
+
+
+class StudyConfig(_Section):
+    """Everything that decides what a study reports."""
+
+    seeds: int = Field(default=3, ge=1, le=1_000, description="Trainings of each method, seeds 0, 1, …")
+    preset: str = Field(default="paper", description="Preset of `drlsl train` that the trainings start from.")
+    train: dict[str, Any] = Field(
+        default_factory=dict, description="Settings of every training, laid over the preset."
+    )
+    methods: dict[Name, MethodConfig] = Field(min_length=1, description="What is compared, by name.")
+    tests: dict[Name, ScenarioConfig] = Field(min_length=1, description="What they are tested in, by name.")
+    evaluation_episodes: int = Field(
+        default=50, ge=1, le=100_000, description="Episodes of each test, with the shield and without."
+    )
+
+    @model_validator(mode="after")
+    def _trainings_are_valid(self) -> Self:
+        if self.preset not in preset_names():
+            raise ValueError(f"no preset '{self.preset}'; expected one of {', '.join(preset_names())}")
+        for method in self.methods:
+            try:
+                self.training(Run(method, 0))
+            except UserError as error:
+                raise ValueError(str(error)) from error
+        return self
+
+    @property
+    def runs(self) -> list["Run"]:
+        """Every training, seed by seed, so that an interrupted study has compared what it has."""
+        return [Run(method, seed) for seed in range(self.seeds) for method in self.methods]
+
+    @property
+    def tasks(self) -> list["Task"]:
+        """Every training, each followed by its tests."""
+        return [Task(run, test) for run in self.runs for test in (None, *self.tests)]
+
+    def training(self, run: "Run") -> TrainConfig:
+        """The configuration of a training.
+
+        Raises:
+            UserError: the settings do not make one.
+        """
+        values = merged(preset_values(self.preset), self.train)
+        values = merged(values, self.methods[run.method].train)
+        return make_config({**values, "seed": run.seed}, f"method {run.method}")
+
+    def test_env(self, run: "Run", test: str) -> EnvConfig:
+        """The environment of a test: that of the training in other traffic."""
+        scenario = self.tests[test]
+        env = self.training(run).env
+        changes = {"recording": scenario.recording, "direction": scenario.direction}
+        return EnvConfig.model_validate(env.model_dump() | changes)
+
+    def extends(self, other: "StudyConfig") -> bool:
+        """Whether this is the other study, or that with more seeds, methods or tests."""
+        same = {"preset", "train", "evaluation_episodes"}
+        return (
+            self.model_dump(include=same) == other.model_dump(include=same)
+            and self.seeds >= other.seeds
+            and _holds(self.methods, other.methods)
+            and _holds(self.tests, other.tests)
+        )
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Run:
+    """One training of a method."""
+
+    method: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Its folder."""
+        return f"{self.method}-seed{self.seed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A piece of work that one process does: a training, or the policy of one in a test."""
+
+    run: Run
+    test: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What its files are called."""
+        return self.run.name if self.test is None else f"{self.run.name}.{self.test}"
+
+    @property
+    def needs(self) -> "Task | None":
+        """What must be done before."""
+        return None if self.test is None else Task(self.run)
+
+
+def study_presets() -> list[str]:
+    """Names of the studies that ship with the package."""
+    folder = importlib.resources.files("drlsl.study").joinpath("presets")
+    return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
+
+
+def preset_study(name: str) -> StudyConfig:
+    """A study that ships with the package.
+
+    Raises:
+        UserError: there is none of this name.
+    """
+    if name not in study_presets():
+        raise UserError(f"no preset '{name}': expected one of {', '.join(study_presets())}")
+    file = importlib.resources.files("drlsl.study").joinpath("presets", f"{name}.yaml")
+    return make_study(parse_yaml(file.read_text("utf-8"), f"preset {name}")[0], f"preset {name}")
+
+
+def load_study(path: Path) -> StudyConfig:
+    """A study from a YAML file.
+
+    Raises:
+        UserError: the file cannot be read, or is no valid study.
+    """
+    return make_study(read_yaml(path)[0], str(path))
+
+
+def make_study(values: Mapping[str, Any], source: str) -> StudyConfig:
+    """Check values and make the frozen configuration; `source` says where they came from.
+
+    Raises:
+        UserError: a key is unknown or a value out of bounds.
+    """
+    try:
+        return StudyConfig.model_validate(values)
+    except ValidationError as error:
+        problems = (
+            f"{'.'.join(map(str, item['loc']))}: {item['msg'].removeprefix('Value error, ')}".removeprefix(
+                ": "
+            )
+            for item in error.errors()
+        )
+        raise UserError(f"{source}: {'; '.join(problems)}") from error
+
+
+def dump_study(study: StudyConfig) -> str:
+    """The study as YAML that `load_study` reads back to an equal one."""
+    return yaml.safe_dump(study.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def with_changes(
+    study: StudyConfig,
+    *,
+    seeds: int | None = None,
+    episodes: int | None = None,
+    methods: list[str] | None = None,
+    tests: list[str] | None = None,
+) -> StudyConfig:
+    """The study with other seeds, episodes of training or methods, and with further tests.
+
+    Raises:
+        UserError: a method is unknown, a test's name is taken, or a number is out of bounds.
+    """
+    values = study.model_dump(mode="json")
+    if seeds is not None:
+        values["seeds"] = seeds
+    if episodes is not None:
+        values["train"] = {**values["train"], "episodes": episodes}
+    if methods:
+        unknown = [name for name in methods if name not in study.methods]
+        if unknown:
+            raise UserError(f"no method '{unknown[0]}': expected some of {', '.join(study.methods)}")
+        values["methods"] = {name: values["methods"][name] for name in methods}
+    for path in tests or []:
+        name, scenario = scenario_of(path)
+        known = study.tests.get(name)
+        if known is not None and known != ScenarioConfig.model_validate(scenario):
+            raise UserError(f"--test {path}: there is a test '{name}' already; give the path another name")
+        values["tests"][name] = scenario
+    return make_study(values, "command line")
+
+
+def scenario_of(path: str) -> tuple[str, dict[str, Any]]:
+    """Name and configuration of the test that a path means: a recording, or a folder of NGSIM tables."""
+    found = Path(path)
+    tables = sorted(found.glob("*.csv")) if found.is_dir() else []
+    several = bool(tables) and not any(re.match(r"\d+_tracks", table.name) for table in tables)
+    recordings = [str(table.resolve()) for table in tables] if several else _absolute(path)
+    name = re.sub(r"[^a-z0-9]+", "-", found.name.lower().partition(".")[0]).strip("-") or "test"
+    scenario: dict[str, Any] = {"label": found.name, "recording": recordings}
+    if US_101.search(found.name):
+        scenario |= {"label": "NGSIM US-101", "paper": "ngsim"}
+    return name, scenario
+
+
+def _absolute(path: str) -> str:
+    """A path that means the same in every folder; the name of a bundled recording stays."""
+    stem, mark, part = path.partition("#")
+    return f"{Path(stem).resolve()}{mark}{part}" if Path(stem).exists() else path
+
+
+def _holds(mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
+    return all(mine.get(name) == value for name, value in theirs.items())

@@ -1,0 +1,211 @@
+"""The report of a study: every number in it comes from the tables that are written beside it."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from drlsl.driving.fault import BRAKING, INTRUSION, REACTION
+from drlsl.learning.checkpoint import write_atomic
+from drlsl.learning.figures import FIGURES
+from drlsl.study import statistics, tables
+from drlsl.study.claims import agreement, claims
+from drlsl.study.figures import training_figures
+from drlsl.study.folder import StudyFolder
+from drlsl.study.plan import StudyConfig, dump_study, make_study
+from drlsl.study.render import Block, Heading, Listing, Paragraph, Picture, markdown, page
+from drlsl.study.results import Results, collect
+from drlsl.study.tables import Table
+
+TITLE = "Safe reinforcement learning on the highway: a study"
+WALL_TIME = "Wall time"
+"""The only section that a second run of the same study changes."""
+
+
+def write_report(folder: StudyFolder) -> Path:
+    """Write report.md, report.html, and the tables and figures behind them; gives the folder.
+
+    The same results give the same files.
+
+    Raises:
+        UserError: a result is damaged, or a file cannot be written.
+    """
+    results = collect(folder)
+    figures = training_figures(results)
+    blocks = list(_blocks(results, figures))
+    out = folder.report
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    (out / "tables").mkdir(exist_ok=True)
+    for stem, png in figures.items():
+        write_atomic(out / "figures" / f"{stem}.png", png)
+    for block in blocks:
+        if isinstance(block, Table):
+            text = block.frame.to_csv(index=False, lineterminator="\n")
+            write_atomic(out / "tables" / f"{block.stem}.csv", text.encode())
+    write_atomic(out / "report.md", markdown(blocks).encode())
+    write_atomic(out / "report.html", page(TITLE, blocks).encode())
+    return out
+
+
+def _blocks(results: Results, figures: Mapping[str, bytes]) -> Iterator[Block]:
+    yield Heading(1, TITLE)
+    yield from _summary(results)
+    yield from _table_1(results)
+    yield from _training(results, figures)
+    yield from _over_seeds(results)
+    yield from _contacts(results)
+    yield from _interventions(results)
+    yield from _failures(results)
+    yield from _making(results)
+    yield Heading(2, WALL_TIME)
+    yield Paragraph("Minutes of one process a seed, as the runs themselves measured them.")
+    yield tables.wall_time(results)
+
+
+def _summary(results: Results) -> Iterator[Block]:
+    study = results.study
+    names = ", ".join(method.label for method in study.methods.values())
+    tests = ", ".join(test.label for test in study.tests.values())
+    yield Paragraph(
+        f"{len(study.methods)} methods ({names}), {study.seeds} seeds each, tested in "
+        f"{study.evaluation_episodes} episodes a seed of each of these, with the shield and without: "
+        f"{tests}. No policy is trained again and no rule changed between them."
+    )
+    if results.missing:
+        yield Paragraph(
+            f"{len(results.missing)} of {len(study.tasks)} runs have no result and are in no number below: "
+            f"{', '.join(task.name for task in results.missing)}."
+        )
+    yield Heading(2, "What should show, and what does")
+    words = {True: "yes", False: "NO", None: "no result"}
+    found = [
+        {"statement": one.statement, "holds": words[one.holds], "numbers": one.evidence}
+        for one in claims(results)
+    ]
+    frame = pd.DataFrame(found, columns=["statement", "holds", "numbers"])
+    yield Table(
+        "claims", "Statements", frame, frame, "Middle over seeds (interquartile mean); sums for counts."
+    )
+
+
+def _table_1(results: Results) -> Iterator[Block]:
+    yield Heading(2, "Table 1")
+    yield Paragraph(
+        "As in the paper, the safety module is off: the policy takes the action it values most of all "
+        "three. Collisions are all contacts; the paper does not judge them. Time steps are those of "
+        "episodes that reached the end of the track. In brackets the paper's numbers; its DQNSL stands "
+        "beside both rule programs."
+    )
+    for test in results.study.tests:
+        yield tables.table_1(results, test, "off")
+    yield agreement(results)
+    yield Heading(3, "The same with the safety module on")
+    yield Paragraph(
+        "The policy takes the action it values most among those that its safety module offers: the linear "
+        "prediction for MPSDQN, the rules for the others, DQN included, which has never trained behind them. "
+        "The paper has no such numbers; those in brackets are its numbers without the module."
+    )
+    for test in results.study.tests:
+        yield tables.table_1(results, test, "on")
+
+
+def _training(results: Results, figures: Mapping[str, bytes]) -> Iterator[Block]:
+    yield Heading(2, "Training")
+    yield tables.training(results)
+    for stem, png in figures.items():
+        title = FIGURES[stem][1]
+        caption = (
+            f"{title} per episode: moving average over a fifteenth of the training, interquartile mean "
+            "over seeds; the band reaches from the lowest seed to the highest."
+        )
+        yield Picture(f"figures/{stem}.png", caption, png)
+    yield Heading(3, "Convergence")
+    yield Paragraph(
+        "A training has converged at the first episode from which on the moving average of its return, "
+        f"over 1/{round(1 / statistics.WINDOW_SHARE)} of the training, stays within "
+        f"{statistics.TOLERANCE:.0%} of where it ends. One that gets there only in the last such window "
+        "has not converged. The paper's episodes were read off its figure."
+    )
+    yield tables.convergence(results)
+
+
+def _over_seeds(results: Results) -> Iterator[Block]:
+    yield Heading(2, "Over the seeds")
+    yield Paragraph(
+        "Interquartile means over seeds of each run's result, in square brackets their "
+        f"{statistics.LEVEL:.0%} stratified bootstrap intervals ({statistics.DRAWS:,} resamples of the "
+        "seeds within each test; Agarwal et al., 2021). With few seeds an interval says little, with one "
+        "there is none. Per episode, interventions per step; return and time steps are not taken "
+        "together over tests, for they depend on the recording's frame rate."
+    )
+    yield tables.estimates(results, "off")
+    yield tables.estimates(results, "on")
+
+
+def _contacts(results: Results) -> Iterator[Block]:
+    yield Heading(2, "Contacts, and whose fault they are")
+    yield Paragraph(
+        "Recorded vehicles do not see the ego and drive into it. Every contact ends the episode and "
+        "counts. The ego is at fault unless one of four rules excuses it; the time to collision that "
+        f"they ask for is v/(2 · {BRAKING:g} m/s²) + {REACTION:g} s (UN R157), v the closing speed, and a "
+        f"vehicle comes into a lane when it is {INTRUSION:g} m over the line. Every doubt is the ego's "
+        "fault."
+    )
+    rules = (
+        "struck from behind: the other came from behind and had that time left when the ego came into "
+        "the lane",
+        "cut off: the ego was wholly in its lane before the other came into it, ahead, with less than "
+        "that time left",
+        "struck from the side: the same, the other alongside",
+        "out of nowhere: the other's track began inside the stopping distance of whichever of the two "
+        "was behind, and that one had no time to stop since",
+    )
+    yield Listing(rules, numbered=True)
+    yield Paragraph("All seeds together; completed: episodes that reached the end of the track.")
+    yield tables.contacts(results)
+
+
+def _interventions(results: Results) -> Iterator[Block]:
+    yield Heading(2, "How often the shield intervened")
+    yield Paragraph(
+        "Share of steps in which the action of highest value was not one that the method's safety module "
+        "finds safe. It is counted with the shield off too, where such actions are carried out: what the "
+        "policy has taken in."
+    )
+    yield tables.interventions(results)
+
+
+def _failures(results: Results) -> Iterator[Block]:
+    yield Heading(2, "Runs that failed")
+    if not results.attempts:
+        yield Paragraph("None.")
+        return
+    yield Paragraph("A run that fails is tried once more, from where it was.")
+    points = []
+    for task, failures in results.attempts.items():
+        end = "given up" if task in results.missing else "then done"
+        points.append(f"{task.name}: {'; '.join(failure.summary for failure in failures)}; {end}")
+    yield Listing(tuple(points))
+
+
+def _making(results: Results) -> Iterator[Block]:
+    yield Heading(2, "How this was made")
+    yield Paragraph(str(results.inputs["command"]), code=True)
+    for maker in results.makers:
+        packages = ", ".join(f"{name} {version}" for name, version in maker["packages"].items())
+        yield Paragraph(f"On {maker['machine']}; Python {maker['python']}, {packages}.")
+    yield Paragraph("SHA-256 of what went in:")
+    frame = pd.DataFrame(list(results.inputs["digests"].items()), columns=["file", "SHA-256"])
+    yield Table("inputs", "Inputs", frame, frame)
+    yield Paragraph("The study:")
+    yield Paragraph(dump_study(_portable(results.study)), code=True)
+
+
+def _portable(study: StudyConfig) -> StudyConfig:
+    """The study without the folders that this machine has its recordings in."""
+    values = study.model_dump(mode="json")
+    for scenario in values["tests"].values():
+        recording = scenario["recording"]
+        several = isinstance(recording, list)
+        scenario["recording"] = [Path(one).name for one in recording] if several else Path(recording).name
+    return make_study(values, "study")

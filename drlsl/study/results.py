@@ -1,0 +1,92 @@
+"""What the tasks of a study brought: a table of training episodes, and one of tests."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from drlsl.driving.fault import Verdict
+from drlsl.learning.evaluation import Totals
+from drlsl.learning.rundir import METRIC_COLUMNS
+from drlsl.study.folder import Failure, StudyFolder
+from drlsl.study.plan import StudyConfig, Task
+
+EXCUSES = [verdict.value for verdict in Verdict if verdict is not Verdict.AT_FAULT]
+"""Why a contact is not the ego's fault."""
+
+TRAINING_COLUMNS = ["method", "seed", *METRIC_COLUMNS]
+_TOTALS = [field.name for field in dataclasses.fields(Totals) if field.name != "episodes"]
+TEST_COLUMNS = ["method", "seed", "test", "shield", "episodes", *_TOTALS, *EXCUSES, "wall_s"]
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """All that the report is made from."""
+
+    study: StudyConfig
+    training: pd.DataFrame
+    """The metrics of every finished training, with the columns `method` and `seed`."""
+    tests: pd.DataFrame
+    """One row for each method, seed, test and state of the shield, with the columns of `Totals`."""
+    attempts: dict[Task, list[Failure]]
+    """The attempts that failed."""
+    missing: list[Task]
+    """What has no result, and so is in no table."""
+    inputs: dict[str, Any]
+    makers: list[dict[str, Any]]
+    """The different machines and versions that made the results."""
+
+
+def collect(folder: StudyFolder) -> Results:
+    """Read what is in a study's folder; the same files give the same results.
+
+    Raises:
+        UserError: a file is damaged.
+    """
+    done = [task for task in folder.study.tasks if folder.is_done(task)]
+    made = {task: folder.result(task) for task in done}
+    trainings = [_training(folder, task) for task in done if task.test is None]
+    rows = [row for task in done if task.test is not None for row in _test(task, made[task])]
+    makers: list[dict[str, Any]] = []
+    for result in made.values():
+        maker = {key: result[key] for key in ("machine", "python", "packages")}
+        if maker not in makers:
+            makers.append(maker)
+    return Results(
+        study=folder.study,
+        training=pd.concat(trainings, ignore_index=True)
+        if trainings
+        else pd.DataFrame(columns=TRAINING_COLUMNS),
+        tests=pd.DataFrame(rows, columns=TEST_COLUMNS),
+        attempts={task: found for task in folder.study.tasks if (found := folder.failures(task))},
+        missing=[task for task in folder.study.tasks if task not in made],
+        inputs=folder.inputs,
+        makers=makers,
+    )
+
+
+def _training(folder: StudyFolder, task: Task) -> pd.DataFrame:
+    frame = folder.run(task.run).metrics().sort_values("episode", ignore_index=True)
+    # Episodes of several environments pass at the same time.
+    frame["wall_s"] /= folder.study.training(task.run).num_envs
+    return frame.assign(method=task.run.method, seed=task.run.seed)[TRAINING_COLUMNS]
+
+
+def _test(task: Task, result: dict[str, Any]) -> list[dict[str, Any]]:
+    rows = []
+    for record in result["evaluations"]:
+        reasons = [episode["contact_reason"] for episode in record["per_episode"] if episode["contact"]]
+        rows.append(
+            {
+                "method": task.run.method,
+                "seed": task.run.seed,
+                "test": task.test,
+                "shield": record["shield"],
+                "episodes": record["episodes"],
+                **record["totals"],
+                **{reason: reasons.count(reason) for reason in EXCUSES},
+                "wall_s": result["wall_s"] / len(result["evaluations"]),
+            }
+        )
+    return rows

@@ -1,0 +1,117 @@
+"""What a process does for a study: train, or drive a trained policy through a test."""
+
+import platform
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.shield import Shield
+from drlsl.errors import UserError
+from drlsl.learning.evaluation import ShieldState, as_record, drive, make_evaluation_env
+from drlsl.learning.rundir import CHECKPOINT
+from drlsl.learning.session import Session, load_policy
+from drlsl.study.folder import StudyFolder, digest
+from drlsl.study.machine import processors
+from drlsl.study.plan import StudyConfig, Task
+from drlsl.traffic.sources import find_source
+
+Stop = Callable[[], bool]
+Perform = Callable[[Path, Task, Stop], None]
+"""Does a task of the study in a folder, and leaves it unfinished, to be gone on with, once asked to stop."""
+
+SHIELDS: tuple[ShieldState, ...] = ("off", "on")
+
+ORPHAN_S = 60.0
+"""How long to wait for a process that was at work on the same task when its study was killed."""
+
+PACKAGES = ("drlsl", "torch", "numpy", "gymnasium", "pandas")
+"""Those whose versions can change a result."""
+
+
+def perform(root: Path, task: Task, stop: Stop) -> None:
+    """Do a task, or go on with it; it is done when its result is in the folder.
+
+    Raises:
+        UserError: the recording or the rules cannot be used, or learning diverged.
+    """
+    if not (root.is_dir()):
+        raise UserError(f"{root} is not on {platform.node()}: put the study where every node sees it")
+    folder = StudyFolder.open(root)
+    with folder.locked(task.name, wait_s=ORPHAN_S):
+        if not folder.is_done(task):
+            _train(folder, task, stop) if task.test is None else _test(folder, task, task.test, stop)
+
+
+def inputs_of(study: StudyConfig) -> dict[str, Any]:
+    """What the results depend on beside the settings: digests of all rule programs and recordings.
+
+    Raises:
+        UserError: a rule file or a recording cannot be read.
+    """
+    digests: dict[str, str] = {}
+    for method in {run.method: run for run in study.runs}.values():
+        env = study.training(method).env
+        digests |= _rule_digests(env)
+        digests |= _recording_digests(env.recordings)
+    for test in study.tests:
+        digests |= _recording_digests(study.test_env(study.runs[0], test).recordings)
+    return {"digests": digests}
+
+
+def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
+    root, config = folder.run_path(task.run), folder.study.training(task.run)
+    if (root / CHECKPOINT).is_file():
+        folder.run(task.run)
+        session = Session.resume(root)
+    else:
+        # Killed before its first checkpoint, a run has nothing to go on from.
+        session = Session.start(root, config, force=root.exists())
+    for _ in session.run(stop):
+        pass
+    if session.trainer.finished == config.episodes:
+        session.draw_figures()
+        folder.finish(task, _maker())
+
+
+def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
+    run, episodes = folder.run(task.run), folder.study.evaluation_episodes
+    config = folder.study.test_env(task.run, test)
+    env = make_evaluation_env(config)
+    policy = load_policy(run, env)
+    records = []
+    started = perf_counter()
+    for shield in SHIELDS:
+        summaries = []
+        for summary in drive(env, policy, shield=shield, episodes=episodes, seed=task.run.seed):
+            summaries.append(summary)
+            if stop():
+                return
+        env_config = config.model_dump(mode="json")
+        records.append(as_record(summaries, env=env_config, shield=shield, seed=task.run.seed))
+    folder.finish(task, {**_maker(), "wall_s": perf_counter() - started, "evaluations": records})
+
+
+def _rule_digests(env: EnvConfig) -> dict[str, str]:
+    """By the name of each file that the rule program's clauses came from."""
+    program = Shield.from_files(env.rules).engine.program
+    clauses = (clause for predicate in program.predicates.values() for clause in predicate.clauses)
+    files = {Path(clause.span.name) for clause in clauses if clause.span is not None}
+    return {f"rules/{path.name}": digest([path]) for path in sorted(files)}
+
+
+def _recording_digests(recordings: Sequence[str]) -> dict[str, str]:
+    sources = [find_source(name) for name in recordings]
+    return {f"recording {source.name}": digest(list(source.files)) for source in sources}
+
+
+def _maker() -> dict[str, Any]:
+    """What made a result: the machine and the versions."""
+    return {"machine": processors(), "python": platform.python_version(), "packages": versions()}
+
+
+def versions() -> dict[str, str]:
+    """Versions of the packages that can change a result."""
+    return {name: version(name) for name in PACKAGES}
