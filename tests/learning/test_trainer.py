@@ -173,10 +173,10 @@ def test_episodes_are_seeded_in_the_order_they_begin(tiny_config: TrainConfig, n
     assert all(given.count(seed) == 1 for seed in expected)
 
 
-@given(num_envs=st.integers(1, 5), stop_after=st.integers(0, 60))
+@given(num_envs=st.integers(1, 5), stop_after=st.integers(0, 60), noisy=st.booleans())
 @settings(max_examples=25, deadline=None)
-def test_a_state_between_two_steps_goes_on_bit_for_bit(num_envs: int, stop_after: int) -> None:
-    config = changed(small_config(), num_envs=num_envs)
+def test_a_state_between_two_steps_goes_on_bit_for_bit(num_envs: int, stop_after: int, noisy: bool) -> None:
+    config = changed(small_config(), num_envs=num_envs, network={"hidden": [16], "noisy": noisy})
     whole, stopped, resumed = trained(config), trained(config), trained(config)
     events = list(whole.run())
     for _ in zip(range(stop_after), stopped.run(), strict=False):
@@ -256,6 +256,31 @@ def test_it_learns_the_values_of_a_small_world(tiny_config: TrainConfig, num_env
     for cell, values in enumerate(trainer.agent.policy.values(np.eye(6, dtype=np.float32)[:5])):
         assert values.argmax() == 2
         assert values[2] == pytest.approx(0.95 ** (4 - cell), abs=0.1)
+
+
+class Levers(Corridor):
+    """Each of the six cells pays 1 for one action; the next cell is drawn. 30 steps."""
+
+    def step(self, action):  # type: ignore[no-untyped-def]
+        paid = float(action == self._cell % 3)
+        *_, info = super().step(action)
+        self._cell = int(self.np_random.integers(6))
+        return self._seen(), paid, False, self._steps >= 30, info
+
+
+def test_noise_explores_and_then_learns_to_keep_still(tiny_config: TrainConfig) -> None:
+    config = changed(
+        tiny_config,
+        method="dqn",
+        episodes=100,
+        network={"hidden": [32], "noisy": True},
+        learning={"target_every": 50, "batch_size": 32, "learning_starts": 32, "replay_capacity": 1_000},
+        # Would be a random action half of the time, were it not for the noise.
+        schedule={"epsilon_start": 0.5, "epsilon_end": 0.5},
+    )
+    returns = [event.summary.total_return for event in episodes(Trainer(FakeVector(Levers()), config))]
+    assert returns[0] < 20.0
+    assert min(returns[-10:]) >= 28.0
 
 
 class NoChoice(FakeHighway):
