@@ -22,10 +22,11 @@ from drlsl.driving.lowered import FREE, SCHEMA, SPEED, STATE
 from drlsl.driving.scene import EGO, Facts, Road, Scene, Vehicle, road_facts, scene_facts
 from drlsl.driving.shield import default_rules
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import Rows
+from drlsl.logic.lowering.batch_program import BatchProgram, Rows, TextProgram
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
+from drlsl.traffic.cache import cache_folder
 from drlsl.traffic.road import Direction, Lane
 
 QUERIES: Final = (Query("safe_actions", 1, "all"), FREE, SPEED, STATE)
@@ -110,11 +111,12 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
     return scenes
 
 
-def array_facts(scenes: SceneBatch, program: Any) -> dict[tuple[str, int], Any]:
-    """A batch on one road, with the road's facts made ready."""
+def array_facts(scenes: SceneBatch, program: BatchProgram[Any]) -> dict[tuple[str, int], Any]:
+    """A batch on one road, in the order that the program reads without a copy, the road's facts made ready."""
+    ordered = np.asfortranarray if isinstance(program, TextProgram) else np.ascontiguousarray
     columns = [scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width]
     facts: dict[tuple[str, int], Any] = {
-        ("vehicle", 8): Rows([None, *map(np.asfortranarray, columns)], np.asfortranarray(scenes.valid)),
+        ("vehicle", 8): Rows([None, *map(ordered, columns)], ordered(scenes.valid)),
         ("target_lane", 1): Rows([scenes.target_lane]),
     }
     for (name, arity), rows in road_facts(scenes.roads[0]).items():
@@ -141,14 +143,14 @@ def _seconds_each(ask: Ask, scenes: Sequence[Facts], runs: int) -> float:
     return median_seconds(ask_all, runs) / len(scenes)
 
 
-def _array_programs(lowered: Lowered) -> Iterator[tuple[str, Any]]:
+def _array_programs(lowered: Lowered) -> Iterator[tuple[str, BatchProgram[Any]]]:
     """The array tiers that this installation has, by name."""
     yield "numpy", compile_numpy(lowered)
     yield "numpy_float32", compile_numpy(lowered, "float32")
     if find_spec("numba"):
         from drlsl.logic.lowering.numba_backend import compile_numba
 
-        yield "numba", compile_numba(lowered)
+        yield "numba", compile_numba(lowered, cache_folder() / "rules")
     from drlsl.logic.lowering.torch_backend import compile_torch
 
     yield "torch", compile_torch(lowered)

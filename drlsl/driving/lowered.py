@@ -178,7 +178,7 @@ class _Program:
         self._program = program
         self._reads_names = 0 in program.columns_read("vehicle", 8)
         self._roads: tuple[Road, ...] = ()
-        self._road_rows: dict[tuple[str, int], Rows] = {}
+        self._road_rows: dict[tuple[str, int], Any] = {}
 
     def __call__(self, scenes: SceneBatch) -> tuple[list[BatchAnswer[npt.NDArray[Any]]], Mask]:
         """The answers, and the scenes that are undecided, as NumPy arrays."""
@@ -186,31 +186,33 @@ class _Program:
         answers = [BatchAnswer(_numpy(answer.value), _numpy(answer.fails)) for answer in result.answers]
         return answers, _numpy(result.undecided)
 
-    def _facts(self, scenes: SceneBatch) -> dict[tuple[str, int], Rows]:
+    def _facts(self, scenes: SceneBatch) -> dict[tuple[str, int], Any]:
         if scenes.roads is not self._roads:
             self._roads, self._road_rows = scenes.roads, self._rows_of(scenes.roads)
         names = None
         if self._reads_names:
             names = np.where(scenes.id == EGO_ID, self._program.code(EGO), scenes.id + FIRST_OTHER)
         columns = (names, scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width)
-        several = len(scenes.roads) > 1
+        road_rows = self._road_rows
+        if len(scenes.roads) > 1:
+            road_rows = {name: replace(rows, index=scenes.road) for name, rows in road_rows.items()}
         return {
-            **{
-                name: replace(rows, index=scenes.road) if several else rows
-                for name, rows in self._road_rows.items()
-            },
+            **road_rows,
             ("vehicle", 8): Rows(columns, scenes.valid),
             ("target_lane", 1): Rows([scenes.target_lane]),
         }
 
-    def _rows_of(self, roads: tuple[Road, ...]) -> dict[tuple[str, int], Rows]:
-        """The facts of the roads that the program reads, a table for each road."""
+    def _rows_of(self, roads: tuple[Road, ...]) -> dict[tuple[str, int], Any]:
+        """The facts of the roads that the program reads, a table for each road; of one road, made ready."""
         facts = [road_facts(road) for road in roads]
-        return {
+        rows = {
             (name, arity): self._tables(SCHEMA.relations[name, arity], [one[name, arity] for one in facts])
             for name, arity in facts[0]
             if (name, arity) in self._program.reads
         }
+        if len(roads) > 1:
+            return rows
+        return {key: self._program.table(*key, one) for key, one in rows.items()}
 
     def _tables(self, relation: Relation, tables: Sequence[Sequence[Row]]) -> Rows:
         most = max(map(len, tables))

@@ -109,6 +109,14 @@ class BatchProgram(ABC, Generic[A]):
         return self._columns[name, arity][1] if (name, arity) in self._columns else ()
 
     @abstractmethod
+    def table(self, name: str, arity: int, rows: Rows) -> Any:
+        """The rows of a relation made ready, for facts that stay the same from call to call.
+
+        Raises:
+            ValueError: a column is missing, or of another shape or kind.
+        """
+
+    @abstractmethod
     def __call__(self, facts: Any) -> BatchResult[A]:
         """The answers for the facts of N scenes, by name and arity."""
 
