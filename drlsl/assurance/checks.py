@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
+from drlsl.assurance.rows import Staging
 from drlsl.driving.reasons import SECTIONS
 from drlsl.driving.scene import Scene
 from drlsl.logic import Compound
@@ -24,6 +25,16 @@ class Question:
 
     goal: str
     mode: Mode
+
+
+ACTIONS: Final = Question("safe_actions(Action)", "all")
+SPEED: Final = Question("longitudinal_velocity(Speed)", "first")
+OBSERVATION: Final = Question("state(Observation)", "first")
+FRONT: Final = Question("front_is_free", "holds")
+ENTRY: Final = Question("entry_is_safe", "holds")
+LANE: Final = Question("lane_to_keep(Lane)", "first")
+DRIVING: Final = (ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY)
+"""What driving asks of every program; `LANE` only of those that define it."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +243,8 @@ class Case:
     """A scene with what is expected of the rules in it.
 
     `place` is file and line, `name` says what it is about. `fails` is a part of the message with which the
-    rules are expected to fail instead of deciding; None where a usable decision is expected.
+    rules are expected to fail instead of deciding; None where a usable decision is expected. `staging` is the
+    scene in the words of a table, if it comes from one.
     """
 
     place: str
@@ -240,3 +252,4 @@ class Case:
     scene: Scene
     checks: tuple[Check, ...]
     fails: str | None = None
+    staging: Staging | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -20,10 +20,11 @@ from drlsl.assurance.asking import (
     first_line,
     problem_of,
 )
-from drlsl.assurance.checks import Case, Question
+from drlsl.assurance.checks import DRIVING, Case, Question
 from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.assurance.coverage import Traces, measure
 from drlsl.assurance.mutants import Mutant, mutants_of
+from drlsl.assurance.witness import Search, Witness, changed
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.logic import Limits, PrologError
@@ -43,6 +44,9 @@ _FIRST: Final = 12
 _WORTHWHILE: Final = 8
 """Checks that ask the same question from which on generated code is faster."""
 
+_WITNESSES: Final = 10
+"""Survivors for which a scene is looked for; each takes a few seconds."""
+
 Key = tuple[int, int]
 
 
@@ -60,10 +64,15 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Score:
-    """The verdicts on all mutants of a program; `reasons` explain survivors, by their names."""
+    """The verdicts on all mutants of a program.
+
+    `reasons` explain survivors, by their names; `witnesses` have a scene for the first ones without a
+    reason, or None where none was found.
+    """
 
     verdicts: tuple[Verdict, ...]
     reasons: Mapping[str, str]
+    witnesses: Mapping[str, Witness | None]
 
     @property
     def killed(self) -> int:
@@ -123,6 +132,17 @@ class MutantTester:
             except TiersDisagree as fault:
                 raise TiersDisagree(f"{mutant.name}: {fault}") from fault
         return Verdict(mutant.name, mutant.kind, mutant.place, mutant.before, mutant.after, killed_by)
+
+    def witness(self, mutant: Mutant) -> Witness | None:
+        """A scene like those of the tables in which the mutant answers otherwise than the rules."""
+        name = mutant.clause.clause.predicate.name
+        driving = (question for question in DRIVING if self._reach.reaches(question, name))
+        questions = dict.fromkeys([*driving, *map(self._question, self._relevant(mutant.clause))])
+        stagings = [case.staging for case in self._cases if case.staging is not None]
+        search = Search(self._interpreter, list(questions), changed(stagings))
+        with _in_place(mutant.clause.clause.predicate, _mutated(mutant, self._engine)):
+            search.note()
+        return search.difference()
 
     def _killer(self, clause: ClauseText) -> str | None:
         """The first check that fails, by place and question."""
@@ -278,9 +298,19 @@ def score(
         shares = pool.map(work, range(jobs)) if pool is not None else map(work, range(jobs))
         by_clause = sorted((found for share in shares for found in share), key=lambda found: found[0])
     verdicts = tuple(verdict for _, found in by_clause for verdict in found)
-    result = Score(verdicts, reasons or {})
+    result = Score(verdicts, reasons or {}, {})
     _refuse_stale(result)
-    return result
+    return replace(result, witnesses=_witnesses(rules, cases, result.unexplained[:_WITNESSES]))
+
+
+def _witnesses(
+    rules: Sequence[Path], cases: Sequence[Case], survivors: Sequence[Verdict]
+) -> dict[str, Witness | None]:
+    if not survivors:
+        return {}
+    tester = MutantTester(rules, cases)
+    by_name = {mutant.name: mutant for mutant in tester.mutants}
+    return {verdict.name: tester.witness(by_name[verdict.name]) for verdict in survivors}
 
 
 def _share(

@@ -6,9 +6,12 @@ Nobody who writes a table computes coordinates. Rows say where everybody is as t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Final, Literal, Self
 
+import yaml
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
@@ -161,6 +164,35 @@ class Layout:
     def centre(self, number: int) -> float:
         """How far from the road's right edge a lane's centre is [m]."""
         return self._centres[number]
+
+
+@dataclass(frozen=True)
+class Staging:
+    """A scene in the words of its driver, for one direction of travel."""
+
+    road: RoadRow
+    ego: EgoRow
+    vehicles: Mapping[str, VehicleRow]
+    direction: Direction
+
+    def scene(self) -> Scene:
+        """The scene on the road.
+
+        Raises:
+            ValueError: a lane that the road does not have.
+        """
+        return scene_of(self.road, self.ego, self.vehicles, self.direction)
+
+    def row(self) -> str:
+        """The row of a table that describes it, in one line of YAML."""
+        vehicles = {name: _given(vehicle) for name, vehicle in self.vehicles.items()}
+        parts = {"road": _given(self.road), "ego": _given(self.ego), "vehicles": vehicles}
+        row = {"directions": self.direction.value, **{key: value for key, value in parts.items() if value}}
+        return yaml.safe_dump(row, default_flow_style=True, width=math.inf, sort_keys=False).strip()
+
+
+def _given(row: Row) -> dict[str, object]:
+    return row.model_dump(exclude_defaults=True)
 
 
 def scene_of(road: RoadRow, ego: EgoRow, vehicles: Mapping[str, VehicleRow], direction: Direction) -> Scene:

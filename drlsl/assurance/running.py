@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from drlsl.assurance.asking import Generated, Interpreter, decision_problem, problem_of
-from drlsl.assurance.checks import Case, Question, Solutions
+from drlsl.assurance.checks import ACTIONS, ENTRY, FRONT, LANE, OBSERVATION, SPEED, Case, Question, Solutions
 from drlsl.driving.actions import ATOMS
 from drlsl.driving.batch import Decisions, SceneBatch
 from drlsl.driving.shield import Shield
@@ -104,8 +104,8 @@ def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome) -> Iterator
             continue
         answers = _answers(decisions, entries, index)
         for check in case.checks:
-            if check.question.goal in answers:
-                yield index, check.what, check.problem(answers[check.question.goal])
+            if check.question in answers:
+                yield index, check.what, check.problem(answers[check.question])
 
 
 def _failure_problem(case: Case, failure: str | None) -> str | None:
@@ -117,15 +117,15 @@ def _failure_problem(case: Case, failure: str | None) -> str | None:
     return f"expected {wanted}, got a failure: {failure.splitlines()[0]}"
 
 
-def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mapping[str, Solutions]:
+def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mapping[Question, Solutions]:
     """One scene's decision as the solutions of the goals that tables ask for it."""
     offered: list[Any] = [atom for atom, on in zip(ATOMS, decisions.action_mask[index], strict=True) if on]
     holds: Final[list[Mapping[str, Any]]] = [{}]
     return {
-        "safe_actions(Action)": [{"Action": atom} for atom in offered],
-        "longitudinal_velocity(Speed)": [{"Speed": float(decisions.target_speed[index])}],
-        "state(Observation)": [{"Observation": decisions.observation[index].tolist()}],
-        "front_is_free": holds if decisions.front_is_free[index] else [],
-        "entry_is_safe": holds if entries[index] else [],
-        "lane_to_keep(Lane)": [{"Lane": int(decisions.lane_to_keep[index])}],
+        ACTIONS: [{"Action": atom} for atom in offered],
+        SPEED: [{"Speed": float(decisions.target_speed[index])}],
+        OBSERVATION: [{"Observation": decisions.observation[index].tolist()}],
+        FRONT: holds if decisions.front_is_free[index] else [],
+        ENTRY: holds if entries[index] else [],
+        LANE: [{"Lane": int(decisions.lane_to_keep[index])}],
     }

@@ -9,6 +9,12 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from drlsl.assurance.checks import (
+    ACTIONS,
+    ENTRY,
+    FRONT,
+    LANE,
+    OBSERVATION,
+    SPEED,
     Case,
     Check,
     Equals,
@@ -20,7 +26,7 @@ from drlsl.assurance.checks import (
     Question,
     Solves,
 )
-from drlsl.assurance.rows import EgoRow, RoadRow, Row, VehicleRow, scene_of
+from drlsl.assurance.rows import EgoRow, Layout, RoadRow, Row, Staging, VehicleRow
 from drlsl.assurance.yaml_file import YamlFile, read_yaml
 from drlsl.driving.actions import Action
 from drlsl.driving.scene import EGO
@@ -146,32 +152,31 @@ def _cases(file: YamlFile, row: CaseRow, place: Sequence[int | str]) -> Iterator
     for direction in Direction:
         if row.directions not in ("both", direction.value):
             continue
+        staging = Staging(row.road, row.ego, vehicles, direction)
         try:
-            scene = scene_of(row.road, row.ego, vehicles, direction)
+            scene = staging.scene()
             checks = tuple(_checks(row, direction))
         except ValueError as error:
             raise UserError(f"{where}: {row.scene}: {error}") from error
         name = " / ".join(filter(None, (row.scene, row.row)))
-        yield Case(where, f"{name} ({direction.value})", scene, checks, row.fails)
+        yield Case(where, f"{name} ({direction.value})", scene, checks, row.fails, staging)
 
 
 def _checks(row: CaseRow, direction: Direction) -> Iterator[Check]:
     if row.actions is not None:
         wanted = tuple(_ACTIONS[word] for word in row.actions)
-        yield Offered("actions", Question("safe_actions(Action)", "all"), wanted)
+        yield Offered("actions", ACTIONS, wanted)
     if row.target_speed is not None:
-        question = Question("longitudinal_velocity(Speed)", "first")
-        yield Equals("target_speed", question, row.target_speed, row.tolerance)
-    for name, holds in (("front_is_free", row.front_is_free), ("entry_is_safe", row.entry_is_safe)):
+        yield Equals("target_speed", SPEED, row.target_speed, row.tolerance)
+    for question, holds in ((FRONT, row.front_is_free), (ENTRY, row.entry_is_safe)):
         if holds is not None:
-            yield Holds(name, Question(name, "holds"), holds)
+            yield Holds(question.goal, question, holds)
     if row.lane_to_keep is not None:
-        layout = _layout(row, direction)
+        layout = Layout(row.road, direction)
         lane = layout.lane_id(layout.number(row.lane_to_keep, layout.number(row.ego.lane, 0)))
-        yield Equals("lane_to_keep", Question("lane_to_keep(Lane)", "first"), lane, 0.0)
+        yield Equals("lane_to_keep", LANE, lane, 0.0)
     if row.observation:
-        question = Question("state(Observation)", "first")
-        yield Observed("observation", question, tuple(row.observation.items()), row.tolerance)
+        yield Observed("observation", OBSERVATION, tuple(row.observation.items()), row.tolerance)
     if row.sections:
         yield from _section_checks(row.sections)
     for side, reasons in (row.objections or {}).items():
@@ -203,9 +208,3 @@ def _goal_check(goal: str, expected: bool | Bindings | list[Bindings], tolerance
         return Holds(goal, Question(goal, "holds"), expected)
     rows = [expected] if isinstance(expected, dict) else expected
     return Solves(goal, Question(goal, "all"), tuple(rows), tolerance)
-
-
-def _layout(row: CaseRow, direction: Direction) -> Any:
-    from drlsl.assurance.rows import Layout
-
-    return Layout(row.road, direction)

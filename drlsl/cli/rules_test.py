@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from drlsl.assurance.coverage import Coverage
     from drlsl.assurance.mutation import Score, Verdict
     from drlsl.assurance.running import Outcome
+    from drlsl.assurance.witness import Witness
 
 
 def run_tables(
@@ -106,6 +107,8 @@ def _mutation_report(mutants: Score) -> Iterator[str]:
     )
     for verdict in mutants.unexplained:
         yield f"{_near(verdict.place)}: survives: {verdict.name}"
+        if verdict.name in mutants.witnesses:
+            yield from _witness_lines(mutants.witnesses[verdict.name])
     by_reason: dict[str, list[Verdict]] = {}
     for verdict in mutants.survivors:
         if verdict.name in mutants.reasons:
@@ -113,6 +116,14 @@ def _mutation_report(mutants: Score) -> Iterator[str]:
     for reason, verdicts in by_reason.items():
         yield reason
         yield from (f"  {_near(verdict.place)}: {verdict.name}" for verdict in verdicts)
+
+
+def _witness_lines(witness: Witness | None) -> Iterator[str]:
+    if witness is None:
+        yield "  no scene was found that tells it from the rules"
+    else:
+        yield f"  this row would notice it: {witness.row}"
+        yield f"  {witness.goal}: {witness.rules}; with the slip {witness.mutant}"
 
 
 def _as_json(outcome: Outcome, reached: Coverage | None, mutants: Score | None) -> dict[str, Any]:
@@ -133,12 +144,15 @@ def _as_json(outcome: Outcome, reached: Coverage | None, mutants: Score | None) 
             "mutants": len(mutants.verdicts),
             "noticed": mutants.killed,
             "score": mutants.share,
-            "survivors": [
-                {**asdict(verdict), "reason": mutants.reasons.get(verdict.name)}
-                for verdict in mutants.survivors
-            ],
+            "survivors": [_survivor_as_json(mutants, verdict) for verdict in mutants.survivors],
         }
     return result
+
+
+def _survivor_as_json(mutants: Score, verdict: Verdict) -> dict[str, Any]:
+    witness = mutants.witnesses.get(verdict.name)
+    reason = mutants.reasons.get(verdict.name)
+    return {**asdict(verdict), "reason": reason, "witness": asdict(witness) if witness else None}
 
 
 def _near(place: object) -> str:

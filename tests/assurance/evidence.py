@@ -7,7 +7,22 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, settings
 
-from drlsl.assurance.checks import OBSERVED, Case, Check, Equals, Holds, Observed, Offered, Question, Solves
+from drlsl.assurance.checks import (
+    ACTIONS,
+    ENTRY,
+    LANE,
+    OBSERVATION,
+    OBSERVED,
+    SPEED,
+    Case,
+    Check,
+    Equals,
+    Holds,
+    Observed,
+    Offered,
+    Question,
+    Solves,
+)
 from drlsl.assurance.tables import load_table, tables_of
 from drlsl.driving.scene import Scene
 from tests.properties.oracle import SECTIONS, Oracle
@@ -51,12 +66,12 @@ def oracle_cases(count: int) -> list[Case]:
 
 
 def _checks(oracle: Oracle) -> Iterator[Check]:
-    yield Offered("actions", Question("safe_actions(Action)", "all"), tuple(oracle.actions()))
-    yield Equals("speed", Question("longitudinal_velocity(Speed)", "first"), oracle.target_speed(), EXACT)
+    yield Offered("actions", ACTIONS, tuple(oracle.actions()))
+    yield Equals("speed", SPEED, oracle.target_speed(), EXACT)
     observation = tuple(zip(OBSERVED, oracle.observation(), strict=True))
-    yield Observed("observation", Question("state(Observation)", "first"), observation, EXACT)
-    yield Equals("lane", Question("lane_to_keep(Lane)", "first"), oracle.lane_to_keep(), 0.0)
-    yield Holds("entry", Question("entry_is_safe", "holds"), oracle.is_safe("entry"))
+    yield Observed("observation", OBSERVATION, observation, EXACT)
+    yield Equals("lane", LANE, oracle.lane_to_keep(), 0.0)
+    yield Holds("entry", ENTRY, oracle.is_safe("entry"))
     yield Holds("settled", Question("settled", "holds"), oracle.settled)
     for side in ("left", "right"):
         yield Holds(f"{side} valid", Question(f"{side}_is_valid", "holds"), oracle.is_valid(side))

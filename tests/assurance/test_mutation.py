@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.assurance.checks import Case, Holds, Offered, Question
+from drlsl.assurance.asking import Interpreter
+from drlsl.assurance.checks import Case, Holds, Offered, Question, shown
 from drlsl.assurance.clause_text import clause_texts
 from drlsl.assurance.mutants import mutants_of
 from drlsl.assurance.mutation import MutantTester, score
 from drlsl.assurance.reasons import reasons_of
+from drlsl.assurance.tables import load_table
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from tests.assurance.evidence import RULES, oracle_cases, table_cases
@@ -84,6 +86,26 @@ def test_survivors_are_told_with_place_and_text(program: Path) -> None:
     assert killed["safe_actions/1 clause 2: \\+ near ==> near"] == "t:1 actions"
     assert killed["safe_actions/1 clause 1: left out"] == "t:1 actions"
     assert killed["far/1 clause 1: left out"] == "t:1 actions", "a call of what nobody defines"
+
+
+def test_a_row_that_would_notice_a_survivor(tmp_path: Path) -> None:
+    table = tmp_path / "t.yaml"
+    table.write_text("scenes:\n  - {scene: a free road, ego: {lane: 2}, target_speed: 20.12}\n")
+    cases = load_table(table)
+    tester = MutantTester([HIGHWAY], cases)
+    (mutant,) = (
+        m
+        for m in tester.mutants
+        if m.name == "front_braking/1 clause 1: front_braking(8.0) ==> front_braking(9.0)"
+    )
+    assert tester.verdict(mutant).killed_by is None
+    witness = tester.witness(mutant)
+    assert witness is not None
+    assert witness.rules != witness.mutant
+    table.write_text(f"scenes:\n  - {{scene: told, goals: {{x: true}}, rows: [{witness.row}]}}\n")
+    (case,) = load_table(table)
+    found = Interpreter(Shield.default()).ask(case.scene, Question(witness.goal, "all"))
+    assert witness.rules in " | ".join(", ".join(map(shown, row.values())) for row in found)
 
 
 def test_processes_share_the_work(program: Path) -> None:
