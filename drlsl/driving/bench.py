@@ -112,7 +112,7 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
 
 
 def array_facts(scenes: SceneBatch, program: BatchProgram[Any]) -> dict[tuple[str, int], Any]:
-    """A batch on one road, in the order that the program reads without a copy, the road's facts made ready."""
+    """A batch on one road, in the order that the program reads uncopied, the facts of the road made ready."""
     ordered = np.asfortranarray if isinstance(program, TextProgram) else np.ascontiguousarray
     columns = [scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width]
     facts: dict[tuple[str, int], Any] = {
