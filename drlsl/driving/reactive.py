@@ -29,6 +29,9 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 SIDE_ROOM: Final = 0.5
 """A vehicle ahead is in the way of one that would pass it by with less room between their sides [m]."""
 
+_LOOKED_AT: Final = 30
+"""Of so many cars ahead, on all lanes, the nearest in the way is followed."""
+
 _LEAST_LAG: Final = 1e-6
 """The lag of a vehicle that has left the record, but is where it was recorded [m]."""
 
@@ -74,14 +77,15 @@ class ReactiveTraffic:
         rows = courses.begin + np.minimum(frame, courses.frames - 1)
         later = courses.begin + np.minimum(frame + 1, courses.frames - 1)
         cars = _Cars.of(scenes, courses.sign[:, None], self._film.valid.take(rows, axis=0))
-        lagging = np.flatnonzero(self.lag)
-        followers, asked = _asked(cars, lagging)
-        places = np.union1d(followers, lagging)
+        moving = self.lag.ravel() > 0.0
+        rear, front = _followers(cars, self.lag > 0.0)
+        moving[rear] = True
+        places = moving.nonzero()[0]
         if places.size:
             demand = np.full(self.lag.size, np.inf)
-            np.minimum.at(demand, followers, asked)
+            demand[rear] = _demand(cars, rear, front)
             self._drive(places, demand[places], cars.speed, courses, rows, later, frame + 1)
-            lagging = np.flatnonzero(self.lag)
+        lagging = self.lag.ravel().nonzero()[0]
         self._past.append((lagging, self.lag.ravel()[lagging], self.speed.ravel()[lagging]))
 
     def apply(self, numbers: Floats, sign: Floats, places: Integers | None) -> None:
@@ -147,24 +151,41 @@ class ReactiveTraffic:
         self.speed[ego, slot] = new
 
 
-def _asked(cars: _Cars, lagging: Integers) -> tuple[Integers, Floats]:
-    """What following asks [m/s²], and of whom, as places in the flattened scenes; one may be there twice.
+def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
+    """Who lags, or has an ego or somebody who lags in the way, and who that is, the nearest one.
 
-    Of those behind an ego, of those behind somebody who lags, and of those who lag.
+    As places in the flattened scenes. Egos follow nobody.
     """
-    count, slots = cars.s.shape
-    scene = np.concatenate((np.arange(count), lagging // slots))
-    leader = np.concatenate((np.zeros(count, dtype=np.int64), lagging % slots))
-    ahead = cars.s[scene] - cars.s[scene, leader][:, None]
-    near = np.abs(cars.y[scene] - cars.y[scene, leader][:, None])
-    near -= (cars.width[scene] + cars.width[scene, leader][:, None]) / 2
-    meets = (near < SIDE_ROOM) & cars.there[scene]
-    row, slot = (meets & (ahead < 0.0)).nonzero()
-    lag_row, lag_slot = (meets & (ahead > 0.0))[count:].nonzero()
-    rear = np.concatenate((scene[row] * slots + slot, lagging[lag_row]))
-    front = np.concatenate((scene[row] * slots + leader[row], lagging[lag_row] // slots * slots + lag_slot))
-    others = rear % slots != 0
-    rear, front = rear[others], front[others]
+    slots = cars.s.shape[1]
+    order = np.argsort(np.where(cars.there, cars.s, np.inf), axis=1, kind="stable")
+    there, lags = (np.take_along_axis(array, order, axis=1) for array in (cars.there, lagging))
+    y, reach = (np.take_along_axis(array, order, axis=1) for array in (cars.y, cars.width / 2))
+    column, ego = np.arange(slots), order == 0
+    leads = lags | ego
+    # Nobody else can have to answer to anyone.
+    last = slots - 1 - leads[:, ::-1].argmax(axis=1)
+    waiting = there & ~ego & (lags | (column < last[:, None]))
+    front = np.full(order.shape, -1)
+    for ahead in range(1, min(_LOOKED_AT, slots - 1) + 1):
+        if not waiting.any():
+            break
+        room = np.abs(y[:, ahead:] - y[:, :-ahead])
+        room -= reach[:, ahead:]
+        room -= reach[:, :-ahead]
+        meets = room < SIDE_ROOM
+        meets &= waiting[:, :-ahead]
+        meets &= there[:, ahead:]
+        np.copyto(front[:, :-ahead], column[ahead:], where=meets)
+        waiting[:, :-ahead] &= ~meets
+    scene, rear = (front >= 0).nonzero()
+    leader = front[scene, rear]
+    answers = lags[scene, rear] | leads[scene, leader]
+    scene, rear, leader = scene[answers], rear[answers], leader[answers]
+    return scene * slots + order[scene, rear], scene * slots + order[scene, leader]
+
+
+def _demand(cars: _Cars, rear: Integers, front: Integers) -> Floats:
+    """What following asks of the rear cars [m/s²]."""
     s, length, speed = cars.s.ravel(), cars.length.ravel(), cars.speed.ravel()
     gap = s[front] - s[rear] - (length[front] + length[rear]) / 2
-    return rear, idm.acceleration(gap, speed[rear], speed[front])
+    return idm.acceleration(gap, speed[rear], speed[front])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from drlsl.driving import idm
 from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.fault import Verdict
@@ -114,17 +115,20 @@ def test_a_vehicle_returns_to_the_record_and_stays_on_it() -> None:
             break
     assert one is not None
     assert behind
-    lags = []
-    for result in drive(one, 300):
-        x, speed = place(result, 0)
-        lags.append(30.0 + 15.0 * one.frame_of(0) / 25.0 - x if not result.entered[0] else 0.0)
-        if lags[-1] == 0.0:
-            assert speed == 15.0
+    lags, speeds, begun = [], [], one.frame_of(0)
+    for frame, result in enumerate(drive(one, 300), begun + 1):
+        if not result.entered[0]:
+            x, speed = place(result, 0)
+            speeds.append(speed)
+            lags.append(30.0 + 15.0 * frame / 25.0 - x)
     assert max(lags) > 0.5, "it had to brake"
     assert min(lags) > -1e-9, "it never is ahead of the record"
     assert lags[-1] == pytest.approx(0.0, abs=1e-9)
+    assert speeds[-1] == 15.0
     returned = next(index for index, lag in enumerate(lags) if lag == max(lags))
     assert np.diff(lags[returned:]).max() < 1e-9
+    assert max(speeds) > 15.1, "it catches up"
+    assert np.diff(speeds[returned:]).min() * 25.0 > -idm.COMFORTABLE_BRAKING - 0.1
 
 
 def test_contacts_are_judged_by_where_vehicles_drove() -> None:
@@ -143,9 +147,37 @@ def test_contacts_are_judged_by_where_vehicles_drove() -> None:
     assert driven.s[-1] < track.s[-1] - 10.0
 
 
+def test_who_drove_where_is_part_of_the_state() -> None:
+    made = recording([Drive(4, 0.0, 25.0), Drive(1, 200.0, 0.0)], frames=450)
+    first, second = (world(made, creeping(5.0, 4), "reactive") for _ in range(2))
+    results = drive(first, 200)
+    second.set_state(first.get_state())
+    frame, slot = first.frame_of(0), results[-1].scenes.id[0].tolist().index(0)
+    track = first.playback_of(0).track(frame, slot, 0)
+    tracks = []
+    for one in (first, second):
+        assert one._reactive is not None
+        tracks.append(one._reactive.driven(0, slot, track))
+    assert tracks[0].s.tolist() == tracks[1].s.tolist()
+    assert tracks[0].speed.tolist() == tracks[1].speed.tolist()
+    assert tracks[0].s[-1] < track.s[-1] - 10.0
+
+
+def test_who_need_not_brake_does_not_leave_the_record() -> None:
+    # Recorded speeds jump up and down as measured ones do; the ego is as fast, and far ahead.
+    made = recording([Drive(4, 0.0, 20.0), Drive(1, 200.0, 0.0)], frames=200)
+    one = world(made, creeping(20.0, 4), "reactive")
+    one.playbacks.film.numbers[2, ::2, 1:] += 0.5 * (one.playbacks.film.numbers[2, ::2, 1:] > 0)
+    assert one._reactive is not None
+    for _ in range(100):
+        one.step(KEEP)
+        assert not one._reactive.lag.any()
+
+
 def test_the_lag_goes_with_the_vehicle_and_with_the_ego() -> None:
     # One slot, used by one vehicle after the other.
-    made = recording([Drive(4, 0.0, 25.0, end=150), Drive(4, 0.0, 25.0, begin=151, end=300)], frames=300)
+    made = recording([Drive(4, 0.0, 25.0, end=150), Drive(4, 0.0, 25.0, begin=150, end=300)], frames=300)
+    assert made.capacity == 1
     one = world(made, creeping(5.0, 4), "reactive")
     lagged, fresh = False, False
     while not fresh:
