@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving import idm
 from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.fault import Verdict
@@ -128,7 +127,7 @@ def test_a_vehicle_returns_to_the_record_and_stays_on_it() -> None:
     returned = next(index for index, lag in enumerate(lags) if lag == max(lags))
     assert np.diff(lags[returned:]).max() < 1e-9
     assert max(speeds) > 15.1, "it catches up"
-    assert np.diff(speeds[returned:]).min() * 25.0 > -idm.COMFORTABLE_BRAKING - 0.1
+    assert np.diff(speeds[returned:]).min() > -0.3, "it is slowing down by the time it is there"
 
 
 def test_contacts_are_judged_by_where_vehicles_drove() -> None:
