@@ -13,6 +13,7 @@ from drlsl.driving.batch import Decisions, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.tiers import choose_tier
 from drlsl.errors import UserError
+from drlsl.logic import PrologError
 from drlsl.logic.lowering.errors import NotLowerable
 
 
@@ -85,11 +86,13 @@ def _prepares(asker: Generated, question: Question, outcome: Outcome) -> bool:
     except NotLowerable as reason:
         outcome.notes.append(f"only the interpreter answers {question.goal}: {reason.reason}")
         return False
+    except PrologError:  # it is no goal, as the interpreter says of each row that asks it
+        return False
     return True
 
 
 def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome) -> Iterator[Result]:
-    """What driving asks, for all scenes at once."""
+    """The answers to what driving asks, for all scenes at once."""
     try:
         tier = choose_tier(shield, "numpy")
     except UserError as reason:

@@ -53,7 +53,7 @@ scenes:
       - {row: too fast, target_speed: 99.0, goals: {settled: false, "lane(ego, L)": {L: 7}}}
       - {fails: no action}
       - {sections: {front: a}, observation: {lane: 0.25}, entry_is_safe: false, lane_to_keep: left}
-      - {goals: {no_such_goal(X): {X: 1}}, objections: {right: []}}
+      - {goals: {no_such_goal(X): {X: 1}, "lane(ego": true}, objections: {right: []}}
 """
 
 
@@ -86,6 +86,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
     assert (
         "got an error: unknown procedure no_such_goal/1" in unknown.problem or "procedure" in unknown.problem
     )
+    assert "got an error: " in told[f"{path}:10", "nobody else (left_to_right)", "lane(ego"].problem
     assert told[f"{path}:10", "nobody else (left_to_right)", "objections right"].problem == (
         "expected none, got no_lane"
     )
