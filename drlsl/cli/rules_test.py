@@ -43,6 +43,8 @@ def run_tables(
     The status is 1 where an answer is wrong, a clause is not reached (--coverage), or a mutant survives
     without a reason in NAME.mutants.yaml (--mutate).
     """
+    from rich.console import Console
+
     from drlsl.assurance.coverage import measure
     from drlsl.assurance.mutation import score
     from drlsl.assurance.reasons import reasons_of
@@ -62,7 +64,8 @@ def run_tables(
     reached = measure(Shield.from_files(rules), cases)[0] if coverage else None
     mutants = None
     if mutate and not outcome.failures:
-        mutants = score(rules, cases, reasons_of(rules), jobs=jobs)
+        with Console(stderr=True).status("testing mutants, which takes about a minute for highway.pl"):
+            mutants = score(rules, cases, reasons_of(rules), jobs=jobs)
     if as_json:
         print(json.dumps(_as_json(outcome, reached, mutants), indent=2))
     else:
