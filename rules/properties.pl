@@ -4,7 +4,7 @@
 %   violates(Name)              a scene breaks it
 %   image(Image, Fact, Goal)    another scene: there, Fact holds where Goal does here; in(Image, Goal) asks Goal in it
 %   focus(Car)                  any one of the vehicles
-%   range(Quantity, Low, High)  may narrow or widen a range of drlsl/verify/ranges.py
+%   range(Quantity, Low, High)  may narrow or widen a range; docs/verify.md lists them
 %
 % Facts and units are those at the head of highway.pl. Nothing here relies on a rule under test but what every rule program is
 % asked for; the numbers are repeated on purpose, so that a change of the rules shows.
@@ -114,9 +114,11 @@ image(turned, vehicle(Id, Lane, X1, Y1, Vx1, Vy1, Length, Width),
 image(turned, road_lane(Lane, Direction1, Y1, Width, Limit),
     ( road_lane(Lane, Direction, Y, Width, Limit), Y1 is -Y, spec_turned(Direction, Direction1) )).
 
+% spec_turned(Direction, Other): the other direction.
 spec_turned(left_to_right, right_to_left).
 spec_turned(right_to_left, left_to_right).
 
+% spec_mirrored_action(Action, Other): Action in a mirror.
 spec_mirrored_action(lane_keeping, lane_keeping).
 spec_mirrored_action(left_lane_change, right_lane_change).
 spec_mirrored_action(right_lane_change, left_lane_change).
@@ -132,7 +134,7 @@ spec_direction(Direction) :- vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lan
 spec_sign(1) :- spec_direction(left_to_right).
 spec_sign(-1) :- spec_direction(right_to_left).
 
-% spec_to_side(Side, Y): how far the y is to that side of the middle of the ego's lane.
+% spec_to_side(Side, Y, D): how far the y is to that side of the middle of the ego's lane.
 spec_to_side(right, Y, D) :- vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, Y0, _, _), spec_sign(Sign), D is Sign * (Y - Y0).
 spec_to_side(left, Y, D) :- spec_to_side(right, Y, Right), D is -Right.
 

@@ -82,6 +82,12 @@ def test_only_one_module_imports_ray(path: Path) -> None:
         assert all(module.split(".")[0] != "ray" for module, _ in imports(path))
 
 
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_one_module_imports_z3(path: Path) -> None:
+    if path.relative_to(PACKAGE).as_posix() != "verify/solver.py":
+        assert all(module.split(".")[0] != "z3" for module, _ in imports(path))
+
+
 def loaded_by(code: str) -> set[str]:
     """The top-level modules that a fresh interpreter has loaded after `code`."""
     script = f"{code}\nimport sys; print(*sorted(sys.modules), file=sys.stderr)"

@@ -91,10 +91,14 @@ def _declared(engine: Engine) -> tuple[Property, ...]:
     for solution in engine.query("property(Name, Text)"):
         found.append(Property(str(solution["Name"]), str(solution["Text"])))
     names = {one.name for one in found}
-    broken = {str(deref(clause.args[0]).name): clause for clause in engine.program.get("violates", 1).clauses}  # type: ignore[union-attr]  # checked below
-    for name, clause in broken.items():
-        if name not in names:
-            raise UserError(f"{clause.span}: violates({name}) without property({name}, Text)")
+    broken = set()
+    for clause in engine.program.get("violates", 1).clauses:
+        name = deref(clause.args[0])
+        if not isinstance(name, Atom):
+            raise UserError(f"{clause.span}: violates/1 names no property; expected violates(Name) :- ...")
+        if name.name not in names:
+            raise UserError(f"{clause.span}: violates({name.name}) without property({name.name}, Text)")
+        broken.add(name.name)
     for one in found:
         if one.name not in broken:
             raise UserError(f"property({one.name}, ...) without a clause of violates({one.name})")

@@ -9,6 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
+from drlsl.errors import UserError
 from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.lower import Answer, lower
 from drlsl.logic.lowering.unfold import deep_recursion
@@ -77,15 +78,23 @@ class Prover:
     _replays: dict[str, Replay] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, rules: Sequence[str | Path], properties: Sequence[str | Path]) -> Prover:
-        """Load and lower.
+    def of(
+        cls, rules: Sequence[str | Path], properties: Sequence[str | Path], only: Sequence[str] = ()
+    ) -> Prover:
+        """Load the rules and lower their properties: all, or `only` some.
 
         Raises:
-            UserError, PrologError: as `drlsl.verify.properties.load`.
+            UserError, PrologError: as `drlsl.verify.properties.load`; or there is no such property.
         """
         book = load(rules, properties)
+        known = [one.name for one in book.properties]
+        for name in only:
+            if name not in known:
+                raise UserError(f"there is no property {name}; there are {', '.join(known)}")
         prover = cls(book, {}, {}, {})
         for one in book.properties:
+            if only and one.name not in only:
+                continue
             if one.name in book.missing:
                 missing = ", ".join(book.missing[one.name])
                 prover.refused[one.name] = f"the rules do not define {missing}"

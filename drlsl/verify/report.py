@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from drlsl.errors import UserError
 from drlsl.verify.prove import Finding, Prover, Status, Task
 from drlsl.verify.ranges import Case, Range, all_cases
 from drlsl.verify.replay import Counterexample
@@ -99,7 +98,7 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
         UserError: a file cannot be read, or there is no such property.
         PrologError: a file is not a valid program.
     """
-    prover = Prover.of(request.rules, request.properties)
+    prover = Prover.of(request.rules, request.properties, request.only)
     results = {one.name: one for one in _results(prover, request)}
     agenda = _Agenda(request, results, prover)
     for done, findings in enumerate(_findings(prover, request, agenda.next), start=1):
@@ -110,10 +109,6 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
 
 
 def _results(prover: Prover, request: Request) -> Iterator[Result]:
-    known = [one.name for one in prover.book.properties]
-    for name in request.only:
-        if name not in known:
-            raise UserError(f"there is no property {name}; there are {', '.join(known)}")
     for one in prover.book.properties:
         if not request.only or one.name in request.only:
             result = Result(one.name, one.text, request.vehicles, prover.enough.get(one.name))
@@ -151,10 +146,12 @@ def _findings(
         while (task := next_task()) is not None:
             yield prover.run(task)
         return
-    with Workers(request.jobs, _prepare, request.rules, request.properties) as workers:
+    with Workers(request.jobs, _prepare, request.rules, request.properties, request.only) as workers:
         yield from workers.results(next_task)
 
 
-def _prepare(rules: Sequence[Path], properties: Sequence[Path]) -> Callable[[Task], list[Finding]]:
+def _prepare(
+    rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str]
+) -> Callable[[Task], list[Finding]]:
     """What a worker does with a task."""
-    return functools.partial(Prover.run, Prover.of(rules, properties))
+    return functools.partial(Prover.run, Prover.of(rules, properties, only))

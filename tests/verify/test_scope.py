@@ -1,0 +1,57 @@
+"""How many vehicles are enough, on programs small enough to count by hand."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from drlsl.driving.lowered import SCHEMA
+from drlsl.driving.scene import Scene, road_facts, scene_facts
+from drlsl.logic import Engine
+from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.scalar import compile_scalar
+from drlsl.verify.properties import FACTS, load
+from drlsl.verify.scope import witnesses
+from tests.scenes import scenes
+
+OTHER = "other(X, V) :- vehicle(Id, _, X, _, V, _, _, _), Id \\== ego. "
+
+
+@pytest.mark.parametrize(
+    ("rule", "enough"),
+    [
+        ("ask :- vehicle(ego, _, X, _, _, _, _, _), X > 0.0.", 0),
+        ("ask :- other(X, _), X > 0.0.", 1),
+        ("ask :- \\+ other(_, _).", 0),
+        ("ask :- other(X, _), X > 0.0, \\+ ( other(Y, _), Y > 5.0 ).", 1),
+        ("ask :- other(X, V), other(Y, W), X < Y, V > W.", 2),
+        ("ask :- ( other(X, _), X > 1.0 ; other(Y, _), Y < -1.0, other(_, V), V > 3.0 ).", 2),
+        ("ask :- aggregate_all(min(X), other(X, _), X), X > 3.0.", 1),
+        (
+            "ask :- aggregate_all(min(X), other(X, _), X), aggregate_all(max(Y), other(Y, _), Y), Y > X.",
+            2,
+        ),
+        ("ask :- aggregate_all(count, other(_, _), N), N > 3.", None),
+        ("ask :- aggregate_all(sum(X), other(X, _), S), S > 3.0.", None),
+        ("ask :- other(X, _), \\+ ( other(Y, _), \\+ ( other(Z, _), Z > X + Y ) ).", None),
+    ],
+)
+def test_counts(rule: str, enough: int | None) -> None:
+    engine = Engine()
+    engine.consult_text(OTHER + rule)
+    assert witnesses(lower(engine, SCHEMA, [Query("ask", 0, "holds")]).answers[0]) == enough
+
+
+BOOK = load([])
+LOWERED = lower(BOOK.engine, FACTS, [one.query for one in BOOK.properties])
+SCALAR = compile_scalar(LOWERED)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(scene=scenes())
+def test_no_property_of_the_default_rules_is_broken(scene: Scene) -> None:
+    """Every scene is a test of the properties, those with more vehicles than are enough too."""
+    focus = next((car.id for car in scene.in_range()), "none")
+    facts = {**road_facts(scene.road), **scene_facts(scene), ("focus", 1): [(focus,)]}
+    broken = [one.name for one, wrong in zip(BOOK.properties, SCALAR(facts), strict=True) if wrong]
+    assert broken == []

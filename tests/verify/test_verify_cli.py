@@ -1,0 +1,80 @@
+"""drlsl rules verify, as a user calls it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from drlsl.cli import run
+from drlsl.driving.shield import default_rules
+
+PAPER = default_rules()[0].parent / "paper.pl"
+
+FAST = (
+    "property(fast, 'the ego is slow'). violates(fast) :- vehicle(ego, _, _, _, V, _, _, _), abs(V) > 30.0."
+)
+
+
+@pytest.fixture
+def fast(tmp_path: Path) -> str:
+    path = tmp_path / "fast.pl"
+    path.write_text(FAST, encoding="utf-8")
+    return str(path)
+
+
+def test_json(fast: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["rules", "verify", "--property", fast, "--vehicles", "1", "--jobs", "1", "--json"]
+    assert run(arguments) == 1
+    printed = json.loads(capsys.readouterr().out)
+    (result,) = printed["results"]
+    assert result.keys() == {
+        "property",
+        "status",
+        "vehicles",
+        "any_number",
+        "seconds",
+        "reason",
+        "counterexample",
+    }
+    assert (result["property"], result["status"], result["vehicles"]) == ("fast", "refuted", 1)
+    assert abs(result["counterexample"]["scene"]["ego"]["vx_mps"]) > 30
+    assert printed["ranges"]["ego_speed"] == [0, 70]
+
+
+def test_scenes_answer_to_drlsl_query_as_the_report_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "scenes"
+    arguments = [str(PAPER), "--only", "nothing_hidden", "--vehicles", "2", "--jobs", "1", "--out", str(out)]
+    assert run(["rules", "verify", *arguments]) == 1
+    assert "refuted  nothing_hidden" in capsys.readouterr().out
+    actions = {}
+    for name in ("nothing_hidden", "nothing_hidden.alone"):
+        assert run(["query", "--state", str(out / f"{name}.json"), "--rules", str(PAPER), "--json"]) == 0
+        actions[name] = json.loads(capsys.readouterr().out)["safe_actions"]
+    assert set(actions["nothing_hidden"]) > set(actions["nothing_hidden.alone"])
+    assert (out / "nothing_hidden.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--only", "nonsense"], "there is no property nonsense; there are lane_exists"),
+        (["--property", "missing.pl"], "cannot read missing.pl"),
+        (["missing.pl"], "cannot read missing.pl"),
+        (["--vehicles", "-1"], "--vehicles"),
+        (["--out", "."], ". exists; name a new folder"),
+    ],
+)
+def test_bad_calls(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["rules", "verify", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_status_is_0_where_all_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "keep.pl"
+    path.write_text("property(keep, 'keep'). violates(keep) :- \\+ safe_actions(lane_keeping).")
+    assert run(["rules", "verify", "--property", str(path), "--vehicles", "0", "--jobs", "2"]) == 0
+    assert capsys.readouterr().out.startswith("proved   keep                     any number of vehicles")
