@@ -38,14 +38,14 @@ class Outcome:
     notes: list[str] = field(default_factory=list)
 
 
-def run_cases(shield: Shield, cases: Sequence[Case]) -> Outcome:
-    """Run cases on the interpreter, on generated code and on arrays."""
+def run_cases(shield: Shield, cases: Sequence[Case], arrays: Sequence[str] = ("numpy",)) -> Outcome:
+    """Run cases on the interpreter, on code for one scene, and on these tiers for arrays of scenes."""
     outcome = Outcome(cases=len(cases))
     wrong: dict[tuple[int, str, str], list[str]] = {}
     for tier, results in (
         ("interpreter", _interpreted(shield, cases)),
         ("scalar", _generated(shield, cases, outcome)),
-        ("numpy", _arrays(shield, cases, outcome)),
+        *((tier, _arrays(shield, cases, outcome, tier)) for tier in arrays),
     ):
         for index, what, problem in results:
             outcome.answers[tier] = outcome.answers.get(tier, 0) + 1
@@ -91,10 +91,10 @@ def _prepares(asker: Generated, question: Question, outcome: Outcome) -> bool:
     return True
 
 
-def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome) -> Iterator[Result]:
+def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome, name: str) -> Iterator[Result]:
     """The answers to what driving asks, for all scenes at once."""
     try:
-        tier = choose_tier(shield, "numpy")
+        tier = choose_tier(shield, name)
     except UserError as reason:
         outcome.notes.append(str(reason))
         return

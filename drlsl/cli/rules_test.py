@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,14 @@ if TYPE_CHECKING:
     from drlsl.assurance.mutation import Score, Verdict
     from drlsl.assurance.running import Outcome
     from drlsl.assurance.witness import Witness
+
+
+class ArrayTier(StrEnum):
+    """The tiers that answer for many scenes at once."""
+
+    NUMPY = "numpy"
+    NUMBA = "numba"
+    TORCH = "torch"
 
 
 def run_tables(
@@ -29,6 +38,13 @@ def run_tables(
             help="A table, instead of NAME.test.yaml and NAME.*.test.yaml beside NAME.pl; repeatable.",
         ),
     ] = None,
+    tiers: Annotated[
+        list[ArrayTier] | None,
+        typer.Option(
+            "--tier",
+            help="A tier for arrays of scenes to run besides the others; default: numpy; repeatable.",
+        ),
+    ] = None,
     coverage: Annotated[
         bool, typer.Option("--coverage", help="Say which clauses and branches the tables do not reach.")
     ] = False,
@@ -38,7 +54,7 @@ def run_tables(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes that --mutate uses.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Run tables of scenes with expected answers on every tier.
+    """Run tables of scenes with expected answers on the interpreter and on what the rules are compiled to.
 
     The status is 1 where an answer is wrong, a clause is not reached (--coverage), or a mutant survives
     without a reason in NAME.mutants.yaml (--mutate).
@@ -60,7 +76,7 @@ def run_tables(
         wanted = " or ".join(f"{rule.with_suffix('')}.test.yaml" for rule in rules)
         raise UserError(f"no table of scenes: expected {_near(wanted)}, or name one with --tables")
     cases = [case for table in chosen for case in load_table(table)]
-    outcome = run_cases(shield, cases)
+    outcome = run_cases(shield, cases, tiers or [ArrayTier.NUMPY])
     reached = measure(Shield.from_files(rules), cases)[0] if coverage else None
     mutants = None
     if mutate and not outcome.failures:

@@ -31,6 +31,16 @@ def test_the_rules_that_ship_pass_their_tables_on_every_tier(program: str) -> No
     assert outcome.answers["numpy"] > 100
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
+@pytest.mark.parametrize("tier", ["numba", "torch"])
+def test_they_pass_on_the_other_array_tiers(program: str, tier: str) -> None:
+    pytest.importorskip(tier, reason=f"the extra for {tier} is not installed")
+    outcome = run_cases(Shield.from_files([RULES / program]), table_cases(RULES / program), [tier])
+    assert (outcome.failures, outcome.notes) == ([], [])
+    assert outcome.answers[tier] > 100
+
+
 def test_tables_beside_rules(tmp_path: Path) -> None:
     for name in ("mine.test.yaml", "mine.speed.test.yaml", "mine2.test.yaml", "mine.mutants.yaml"):
         (tmp_path / name).write_text("")
