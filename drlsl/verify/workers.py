@@ -9,13 +9,15 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
 
+from drlsl.errors import UserError
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 _CONTEXT: Final = multiprocessing.get_context("spawn")
 
 
-class WorkerDied(Exception):
+class WorkerDied(UserError):
     """A process ended without an answer, as when memory runs out."""
 
 
