@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,11 @@ def test_it_is_what_a_plain_reading_says(seed: int, vehicles: int, horizon: floa
         targets.append([lane.centre, *(math.nan if rng.random() < 0.2 else y for y in beside)])
     low, high = np.array(edges).T
     batch = SceneBatch.of(scenes)
+    # Who is not seen has numbers all the same.
+    hidden = np.random.default_rng(seed).random(batch.valid.shape) < 0.3
+    hidden[:, 0] = False
+    batch = replace(batch, valid=batch.valid & ~hidden)
+    scenes = [batch.scene(index) for index in range(len(scenes))]
     ours = predicted_actions(batch, np.array(targets), low, high, horizon)
     expected = [
         [oracle(scene, target, *edge, horizon) for target in row]

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.fault import Verdict
 from drlsl.driving.playback import in_direction, playbacks_of
+from drlsl.driving.reactive import SIDE_ROOM, _Cars, _followers
 from drlsl.driving.shield import Shield
 from drlsl.driving.world import StepResult, World
 from drlsl.traffic.recording import Recording
@@ -144,6 +147,8 @@ def test_contacts_are_judged_by_where_vehicles_drove() -> None:
     assert driven.speed.tolist() == [place(result, 0)[1] for result in results[-len(driven.s) :]]
     assert (driven.s <= track.s).all()
     assert driven.s[-1] < track.s[-1] - 10.0
+    assert one._judge(0, slot).closing_speed == abs(one.speed[0] - driven.speed[-1])
+    assert one._judge(0, slot).closing_speed < 15.0
 
 
 def test_who_drove_where_is_part_of_the_state() -> None:
@@ -171,6 +176,56 @@ def test_who_need_not_brake_does_not_leave_the_record() -> None:
     for _ in range(100):
         one.step(KEEP)
         assert not one._reactive.lag.any()
+
+
+def test_nobody_is_ahead_of_the_record() -> None:
+    # Recorded places jump to and fro as measured ones do.
+    made = recording([Drive(4, 0.0, 25.0), Drive(1, 200.0, 0.0)], frames=450)
+    one = world(made, creeping(15.0, 4), "reactive")
+    one.playbacks.film.numbers[0, ::2, 1:] += 2.0
+    assert one._reactive is not None
+    lags = []
+    for _ in range(200):
+        one.step(KEEP)
+        lags.append(one._reactive.lag.copy())
+    assert np.max(lags) > 10.0
+    assert np.min(lags) >= 0.0
+
+
+def followed(cars: _Cars, lagging: np.ndarray) -> set[tuple[int, int]]:
+    """Who follows whom, one car at a time."""
+    found, slots = set(), cars.s.shape[1]
+    for scene in range(len(cars.s)):
+        cars_here = [slot for slot in range(slots) if cars.there[scene, slot]]
+        for rear in cars_here:
+            in_way = [
+                slot
+                for slot in cars_here
+                if cars.s[scene, slot] > cars.s[scene, rear]
+                and abs(cars.y[scene, slot] - cars.y[scene, rear])
+                < (cars.width[scene, slot] + cars.width[scene, rear]) / 2 + SIDE_ROOM
+            ]
+            if rear == 0 or not in_way:
+                continue
+            front = min(in_way, key=lambda slot: cars.s[scene, slot])
+            if lagging[scene, rear] or lagging[scene, front] or front == 0:
+                found.add((scene * slots + rear, scene * slots + front))
+    return found
+
+
+@given(st.integers(0, 10_000), st.integers(1, 25), st.floats(0.0, 0.5))
+def test_the_nearest_in_the_way_is_followed(seed: int, slots: int, share: float) -> None:
+    rng, shape = np.random.default_rng(seed), (4, slots)
+    there = rng.random(shape) < 0.8
+    there[:, 0] = True
+    lagging = (rng.random(shape) < share) & there
+    lagging[:, 0] = False
+    y = 3.5 * rng.integers(3, size=shape) + rng.normal(0.0, 0.5, shape)
+    cars = _Cars(rng.uniform(0.0, 300.0, shape), y, y, y, rng.uniform(1.7, 2.6, shape), there)
+    rear, front = _followers(cars, lagging)
+    pairs = list(zip(rear.tolist(), front.tolist(), strict=True))
+    assert len(set(rear.tolist())) == len(rear)
+    assert set(pairs) == followed(cars, lagging)
 
 
 def test_the_lag_goes_with_the_vehicle_and_with_the_ego() -> None:

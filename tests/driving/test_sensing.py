@@ -146,6 +146,30 @@ def test_what_is_seen_is_as_old_as_the_latency(shield: Shield) -> None:
         assert len(seen) > 10
         assert all(seen[car] == then[car] for car in seen if car >= 0 and car in then)
         assert seen[-1] == past[step][-1]
+    # Placed anew, the ego does not remember what it saw elsewhere.
+    one.reset([0], [np.random.default_rng(1)])
+    assert one._scenes is not None
+    assert rows(one.seen, "x") == rows(one._scenes, "x")
+
+
+def test_a_vehicle_has_errors_of_its_own(shield: Shield) -> None:
+    # One slot, used by one vehicle after the other; errors that hardly change.
+    made = recording([Drive(1, 300.0, 0.5, end=150), Drive(1, 310.0, 0.5, begin=150)], frames=300)
+    assert made.capacity == 1
+    found: dict[int, set[float]] = {0: set(), 1: set()}
+    one = world(made, shield, position_noise=1.0, noise_time=1e12)
+    while not (found[0] and found[1]):
+        one.reset([0], [np.random.default_rng(one.frame_of(0))])
+        found = {0: set(), 1: set()}
+        for _ in range(150):
+            result = one.step(KEEP)
+            if result.entered[0]:
+                break
+            seen, true = rows(one.seen, "y"), rows(result.scenes, "y")
+            for car in {0, 1} & set(seen) & set(true):
+                found[car].add(round(seen[car] - true[car], 4))
+    assert len(found[0]) == len(found[1]) == 1
+    assert found[0] != found[1]
 
 
 def test_a_vehicle_is_in_the_lane_where_it_is_seen(shield: Shield) -> None:
