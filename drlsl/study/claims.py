@@ -164,7 +164,7 @@ def _label(results: Results, method: str) -> str:
 def _order(values: dict[Any, float]) -> str:
     """Names with their numbers, the smallest first."""
     known = sorted(values.items(), key=lambda item: item[1])
-    return ", ".join(f"{name} {_number(value)}" for name, value in known)
+    return "; ".join(f"{name} {_number(value)}" for name, value in known)
 
 
 def _number(value: float) -> str:

@@ -1,0 +1,138 @@
+"""Studies from presets, files and flags, and the tasks that follow."""
+
+from pathlib import Path
+
+import pytest
+
+from drlsl.errors import UserError
+from drlsl.study.paper import METHODS, TABLE_1
+from drlsl.study.plan import (
+    Run,
+    Task,
+    dump_study,
+    load_study,
+    make_study,
+    preset_study,
+    scenario_of,
+    study_presets,
+    with_changes,
+)
+
+from .fake import study
+
+
+@pytest.mark.parametrize("name", study_presets())
+def test_presets_are_what_the_paper_compares(name: str) -> None:
+    preset = preset_study(name)
+    assert {method.paper for method in preset.methods.values()} >= set(METHODS)
+    rules = {preset.training(Run(method, 0)).env.rules for method in preset.methods}
+    assert rules == {(), ("paper.pl",)}
+    assert set(preset.tests) == {"left-to-right", "right-to-left", "freeway"}
+
+
+def test_the_paper_preset_has_the_papers_numbers() -> None:
+    preset = preset_study("paper")
+    assert preset.evaluation_episodes == 50
+    for run in preset.runs:
+        config = preset.training(run)
+        assert (config.episodes, config.learning.bootstrap, config.threads) == (1_500, "all", 1)
+        assert config.seed == run.seed
+    offers = {method: preset.training(Run(method, 0)).env.offers for method in preset.methods}
+    assert offers["mpsdqn"] == "prediction"
+    assert offers["dqnsl-highway"] == "rules"
+
+
+def test_the_full_preset_has_every_combination_once() -> None:
+    preset = preset_study("full")
+    seen = set()
+    for method in preset.methods:
+        config = preset.training(Run(method, 0))
+        seen.add((config.method, config.env.rules, config.network.noisy, config.learning.bootstrap))
+    assert len(seen) == len(preset.methods) == 14
+
+
+def test_tasks_follow_what_they_need() -> None:
+    tasks = study(seeds=2, methods=3).tasks
+    assert len(tasks) == 2 * 3 * (1 + 2)
+    assert len({task.name for task in tasks}) == len(tasks)
+    for place, task in enumerate(tasks):
+        assert task.needs is None or task.needs in tasks[:place]
+    assert Task(Run("m0", 1), "freeway").name == "m0-seed1.freeway"
+
+
+def test_a_policy_is_tested_as_it_was_trained_in_other_traffic() -> None:
+    preset = preset_study("paper")
+    for run in preset.runs[:4]:
+        trained, tested = preset.training(run).env, preset.test_env(run, "right-to-left")
+        assert (tested.recording, tested.direction) == ("highway-test", "right_to_left")
+        same = {"recording", "direction"}
+        assert tested.model_dump(exclude=same) == trained.model_dump(exclude=same)
+
+
+@pytest.mark.parametrize("name", study_presets())
+def test_a_dumped_study_reads_back_equal(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    path.write_text(dump_study(preset_study(name)))
+    assert load_study(path) == preset_study(name)
+
+
+def test_changes(tmp_path: Path) -> None:
+    (tmp_path / "NGSIM US-101").mkdir()
+    for name in ("b.csv", "a.csv"):
+        (tmp_path / "NGSIM US-101" / name).write_text("vehicle_id\n")
+    where = str(tmp_path / "NGSIM US-101")
+    changed = with_changes(preset_study("paper"), seeds=1, episodes=7, methods=["dqn"], tests=[where])
+    assert [run.name for run in changed.runs] == ["dqn-seed0"]
+    assert changed.training(changed.runs[0]).episodes == 7
+    added = changed.tests["ngsim-us-101"]
+    assert added.recording == (f"{where}/a.csv", f"{where}/b.csv")
+    assert (added.label, added.paper) == ("NGSIM US-101", "ngsim")
+    assert changed.test_env(changed.runs[0], "ngsim-us-101").recordings == added.recording
+    assert with_changes(changed, tests=[where]) == changed
+
+
+def test_a_recording_is_a_test_whatever_its_form(tmp_path: Path) -> None:
+    folder = tmp_path / "my_Traffic.v2"
+    folder.mkdir()
+    (folder / "01_tracks.csv").write_text("")
+    assert scenario_of(str(folder)) == ("my-traffic", {"label": "my_Traffic.v2", "recording": str(folder)})
+    assert scenario_of(f"{folder}#01")[1]["recording"] == f"{folder}#01"
+    assert scenario_of("freeway") == ("freeway", {"label": "freeway", "recording": "freeway"})
+
+
+def test_a_test_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "freeway").mkdir()
+    with pytest.raises(UserError, match="there is a test 'freeway' already"):
+        with_changes(preset_study("paper"), tests=[str(tmp_path / "freeway")])
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"sedes": 3}, "sedes: Extra inputs are not permitted"),
+        ({"seeds": 0}, "seeds: Input should be greater than or equal to 1"),
+        ({"preset": "quik"}, "no preset 'quik'; expected one of paper, quick, tiny"),
+        ({"methods": {"a/b": {"label": "x"}}}, "methods.a/b"),
+        ({"methods": {"a": {"label": "x", "train": {"episodse": 1}}}}, "method a: unknown key 'episodse'"),
+        ({"methods": {"a": {"label": "x", "paper": "SAC"}}}, "methods.a.paper"),
+        ({"tests": {}}, "tests"),
+    ],
+)
+def test_what_is_no_study_is_refused(change: dict[str, object], told: str) -> None:
+    with pytest.raises(UserError, match=f"^here: .*{told}"):
+        make_study({**study().model_dump(mode="json"), **change}, "here")
+
+
+def test_what_extends_a_study() -> None:
+    small, large = study(seeds=1, methods=1), study(seeds=2, methods=2)
+    assert large.extends(small)
+    assert small.extends(small)
+    assert not small.extends(large)
+    assert not study(episodes=13).extends(study(episodes=12))
+
+
+def test_the_papers_table_is_whole() -> None:
+    for rows in TABLE_1.values():
+        assert {name: len(values) for name, values in rows.items()} == dict.fromkeys(
+            ("lane_changes", "collisions", "off_road", "time_steps"), len(METHODS)
+        )

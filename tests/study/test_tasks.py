@@ -1,0 +1,73 @@
+"""The tasks as they are: a tiny study from end to end, and what its results depend on."""
+
+from pathlib import Path
+
+import pytest
+
+from drlsl.cli import run
+from drlsl.study.folder import StudyFolder
+from drlsl.study.plan import Run, Task, make_study, preset_study
+from drlsl.study.results import collect
+from drlsl.study.tasks import inputs_of, perform
+
+TINY = {
+    "seeds": 1,
+    "preset": "tiny",
+    "methods": {
+        "dqn": {"label": "DQN", "train": {"method": "dqn"}, "paper": "DQN"},
+        "mpsdqn": {"label": "MPSDQN", "train": {"method": "mpsdqn"}, "paper": "MPSDQN"},
+        "dqnsl": {
+            "label": "DQNSL, noisy",
+            "train": {"method": "dqnsl", "network": {"noisy": True}, "env": {"rules": ["paper.pl"]}},
+            "paper": "DQNSL",
+        },
+    },
+    "tests": {"freeway": {"label": "freeway", "recording": "freeway"}},
+    "evaluation_episodes": 2,
+}
+
+
+@pytest.mark.slow
+def test_a_tiny_study(tmp_path: Path) -> None:
+    (tmp_path / "tiny.yaml").write_text(str(TINY))
+    out = tmp_path / "study"
+    arguments = ["study", "--config", str(tmp_path / "tiny.yaml"), "--out", str(out)]
+    assert run(arguments) == 0
+    report = (out / "report" / "report.md").read_text()
+    results = collect(StudyFolder.open(out))
+    assert len(results.training) == 3 * 4
+    assert len(results.tests) == 3 * 2
+    assert (results.tests["episodes"] == 2).all()
+    assert run(arguments) == 0
+    assert run(["study", "--out", str(out), "--report-only"]) == 0
+    assert (out / "report" / "report.md").read_text() == report
+    assert str(tmp_path) not in report.replace(f"drlsl {' '.join(arguments)}", "")
+
+
+@pytest.mark.slow
+def test_a_training_that_was_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    study, task = make_study(TINY, "test"), Task(Run("dqnsl", 0))
+    whole, broken = (StudyFolder.prepare(tmp_path / name, study, inputs_of(study)) for name in "ab")
+    perform(whole.root, task, lambda: False)
+    steps = iter(range(10_000))
+    perform(broken.root, task, lambda: next(steps) > 120)
+    assert not broken.is_done(task)
+    assert broken.run_path(task.run).is_dir()
+    perform(broken.root, task, lambda: False)
+    assert broken.is_done(task)
+    policies = [folder.run(task.run).policy.read_bytes() for folder in (whole, broken)]
+    assert policies[0] == policies[1]
+
+
+def test_inputs_name_every_rule_file_and_recording() -> None:
+    digests = inputs_of(preset_study("paper"))["digests"]
+    assert set(digests) == {
+        "rules/highway.pl",
+        "rules/longitudinal.pl",
+        "rules/observation.pl",
+        "rules/paper.pl",
+        "recording highway-train",
+        "recording highway-test",
+        "recording freeway",
+    }
+    assert len(set(digests.values())) == len(digests)
