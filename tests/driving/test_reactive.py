@@ -13,7 +13,10 @@ from drlsl.driving.fault import Verdict
 from drlsl.driving.playback import in_direction, playbacks_of
 from drlsl.driving.reactive import SIDE_ROOM, _Cars, _followers
 from drlsl.driving.shield import Shield
+from drlsl.driving.stress import stress
 from drlsl.driving.world import StepResult, World
+from drlsl.logic import Engine
+from drlsl.traffic.load import load_recording
 from drlsl.traffic.recording import Recording
 from tests.driving.recordings import Drive, recording
 
@@ -27,8 +30,6 @@ entry_is_safe :- vehicle(ego, {lane}, _, _, _, _, _, _).
 
 def creeping(speed: float, lane: int) -> Shield:
     """An ego in `lane` that goes for `speed`, whatever is around."""
-    from drlsl.logic import Engine
-
     engine = Engine()
     engine.consult_text(":- dynamic(vehicle/8).\n" + CREEP.format(speed=speed, lane=lane), name="creep")
     return Shield(engine)
@@ -247,10 +248,28 @@ def test_the_lag_goes_with_the_vehicle_and_with_the_ego() -> None:
     assert not one._reactive.lag.any()
 
 
-def test_freeway_followers_no_longer_strike_the_ego() -> None:
-    from drlsl.driving.stress import stress
-    from drlsl.traffic.load import load_recording
+def test_egos_do_not_influence_each_others_traffic() -> None:
+    config = EnvConfig(recording="freeway", traffic="reactive")
+    freeway, highway = (playbacks_of([load_recording(name)], 100.0) for name in ("freeway", "highway-test"))
+    shield = Shield.default(tier="auto")
+    many = World(config, [freeway, highway, freeway], shield)
+    many.reset([0, 1, 2], [np.random.default_rng(seed) for seed in (5, 6, 7)])
+    alone = World(config, [freeway], shield)
+    alone.reset([0], [np.random.default_rng(7)])
+    for _ in range(150):
+        together, single = many.step(np.zeros(3, dtype=np.int64)), alone.step(KEEP)
+        assert together.scenes.scene(2) == single.scenes.scene(0)
+    assert alone._reactive is not None
+    assert alone._reactive.lag.any()
+    # And what is taken over goes on alike.
+    other = World(config, [freeway], shield)
+    other.reset([0], [np.random.default_rng(0)])
+    other.set_state(alone.get_state())
+    for _ in range(20):
+        assert other.step(KEEP).scenes.scene(0) == alone.step(KEEP).scenes.scene(0)
 
+
+def test_freeway_followers_no_longer_strike_the_ego() -> None:
     shield, made = Shield.default(tier="auto"), load_recording("freeway")
     counts = {}
     for traffic in ("recorded", "reactive"):
