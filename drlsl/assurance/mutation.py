@@ -31,7 +31,7 @@ from drlsl.logic import Limits, PrologError
 from drlsl.logic.builtins.database import split_clause
 from drlsl.logic.engine import Engine
 from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.program import Clause, Predicate
+from drlsl.logic.program import Clause
 from drlsl.logic.reader import read_term
 from drlsl.logic.terms import Atom, Struct, Term, deref
 
@@ -121,17 +121,31 @@ class MutantTester:
 
     def verdict(self, mutant: Mutant) -> Verdict:
         """Put a mutant in, ask until a check fails, and take it out again."""
+        killed_by: str | None
         try:
-            clauses = _mutated(mutant, self._engine)
+            with self.mutated(mutant):
+                killed_by = self._killer(mutant.clause)
         except PrologError as error:
-            killed_by: str | None = f"not a clause: {first_line(error)}"
-        else:
-            try:
-                with _in_place(mutant.clause.clause.predicate, clauses):
-                    killed_by = self._killer(mutant.clause)
-            except TiersDisagree as fault:
-                raise TiersDisagree(f"{mutant.name}: {fault}") from fault
+            killed_by = f"not a clause: {first_line(error)}"
+        except TiersDisagree as fault:
+            raise TiersDisagree(f"{mutant.name}: {fault}") from fault
         return Verdict(mutant.name, mutant.kind, mutant.place, mutant.before, mutant.after, killed_by)
+
+    @contextmanager
+    def mutated(self, mutant: Mutant) -> Iterator[Shield]:
+        """The program with the slip, for a while.
+
+        Raises:
+            PrologError: the changed text is no clause.
+        """
+        predicate = mutant.clause.clause.predicate
+        before, clauses = list(predicate.clauses), _mutated(mutant, self._engine)
+        predicate.replace(clauses)
+        predicate.defined = bool(clauses) or predicate.dynamic
+        try:
+            yield self._shield
+        finally:
+            predicate.replace(before)
 
     def witness(self, mutant: Mutant) -> Witness | None:
         """A scene like those of the tables in which the mutant answers otherwise than the rules."""
@@ -140,7 +154,7 @@ class MutantTester:
         questions = dict.fromkeys([*driving, *map(self._question, self._relevant(mutant.clause))])
         stagings = [case.staging for case in self._cases if case.staging is not None]
         search = Search(self._interpreter, list(questions), changed(stagings))
-        with _in_place(mutant.clause.clause.predicate, _mutated(mutant, self._engine)):
+        with self.mutated(mutant):
             search.note()
         return search.difference()
 
@@ -228,18 +242,6 @@ def _mutated(mutant: Mutant, engine: Engine) -> list[Clause]:
         head, body = split_clause(read.term)
         clauses[at] = Clause(head, body, old.span, read.variables, old.source, read)
     return clauses
-
-
-@contextmanager
-def _in_place(predicate: Predicate, clauses: list[Clause]) -> Iterator[None]:
-    """Have a predicate consist of other clauses for a while; without any it is not defined."""
-    before = list(predicate.clauses)
-    predicate.replace(clauses)
-    predicate.defined = bool(clauses) or predicate.dynamic
-    try:
-        yield
-    finally:
-        predicate.replace(before)
 
 
 class _Reach:

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.assurance.asking import Interpreter
-from drlsl.assurance.checks import Case, Holds, Offered, Question, shown
+from drlsl.assurance.asking import WRONG, Asker, Generated, Interpreter
+from drlsl.assurance.checks import DRIVING, Case, Holds, Offered, Question, shown
 from drlsl.assurance.clause_text import clause_texts
 from drlsl.assurance.mutants import mutants_of
-from drlsl.assurance.mutation import MutantTester, score
+from drlsl.assurance.mutation import LIMITS, MutantTester, score
 from drlsl.assurance.reasons import reasons_of
 from drlsl.assurance.tables import load_table
+from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from tests.assurance.evidence import RULES, oracle_cases, table_cases
+from drlsl.logic.lowering.errors import NotLowerable
+from tests.assurance.evidence import RULES, generated_scenes, oracle_cases, table_cases
 from tests.driving.test_shield import SCENE
 
 HIGHWAY, PAPER = RULES / "highway.pl", RULES / "paper.pl"
@@ -49,6 +51,33 @@ def test_what_the_tables_cannot_notice_the_oracle_cannot_either() -> None:
     survivors = [mutant for mutant in tester.mutants if mutant.name in reasons]
     assert len(survivors) == len(reasons)
     assert [(m.name, tester.verdict(m).killed_by) for m in survivors] == [(m.name, None) for m in survivors]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", [HIGHWAY, PAPER], ids=lambda path: path.name)
+def test_generated_code_answers_as_the_interpreter_does_with_a_slip_too(program: Path) -> None:
+    """Mutants are programs that nobody wrote, near those that ship: the tiers must agree on them as well."""
+    tester = MutantTester([program], table_cases(program)[:1])
+    scenes = generated_scenes(40)[20:]
+    for mutant in tester.mutants[5::20]:
+        with tester.mutated(mutant) as shield:
+            interpreter = Interpreter(shield, LIMITS)
+            generated = Generated(shield.engine, interpreter)
+            for question in (*DRIVING, Question("objection(Action, Reason)", "all")):
+                try:
+                    generated.prepare(question)
+                except NotLowerable:
+                    continue
+                for scene in scenes:
+                    found = [answers(asker, scene, question) for asker in (interpreter, generated)]
+                    assert found[0] == found[1], f"{mutant.name}: {question.goal} in {scene}"
+
+
+def answers(asker: Asker, scene: Scene, question: Question) -> object:
+    try:
+        return [dict(row) for row in asker.ask(scene, question)]
+    except WRONG as error:
+        return type(error)
 
 
 PROGRAM = """
