@@ -49,7 +49,7 @@ class Surroundings:
         near = np.abs(self.dx) < (largest[0] + length) / 2
         near &= np.abs(self.dy) < (largest[1] + width) / 2
         near &= self.recorded
-        for place in np.flatnonzero(near).tolist():
+        for place in near.ravel().nonzero()[0].tolist():
             ego, slot = divmod(place, near.shape[1])
             if (
                 playing[ego]

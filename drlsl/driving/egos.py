@@ -109,21 +109,20 @@ class Egos:
             UserError: a lane to keep is none of the ego's direction.
         """
         at = self.at
-        changed = self._settled()
-        changed &= actions != Action.LANE_KEEPING
-        changed &= ~at.ended
-        kept = (lane_to_keep != at.target_lane) & ~(changed | at.ended)
-        if changed.any():
-            who = changed.nonzero()[0]
+        changed = np.zeros(len(actions), dtype=np.bool_)
+        # Hardly ever is there anybody in either of the two.
+        who = actions.nonzero()[0]
+        if who.size:
+            who = who[self._settled()[who] & ~at.ended[who]]
+            changed[who] = True
             at.target_lane[who], at.target_y[who] = _lane_beside(
                 courses.take(who), at.target_lane[who], _turn(actions[who])
             )
-        if kept.any():
-            who = kept.nonzero()[0]
-            at.target_lane[who], at.target_y[who] = (
-                lane_to_keep[who],
-                _centre(courses.take(who), lane_to_keep[who]),
-            )
+        who = (lane_to_keep != at.target_lane).nonzero()[0]
+        if who.size:
+            who = who[~changed[who] & ~at.ended[who]]
+            at.target_y[who] = _centre(courses.take(who), lane_to_keep[who])
+            at.target_lane[who] = lane_to_keep[who]
         return changed
 
     def targets(self, lane_to_keep: Integers, courses: Courses, places: Integers) -> Floats:

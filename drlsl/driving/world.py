@@ -190,7 +190,8 @@ class World:
         around = self._look()
         contacts = worst_contacts(around.touching(playing & ~over, self._largest), self._judge)
         touched = np.zeros(self.count, dtype=np.bool_)
-        touched[list(contacts)] = True
+        if contacts:
+            touched[list(contacts)] = True
         off_road = egos.off_road(self._courses) & playing
         terminated = touched | off_road
         truncated = (at.distance >= self.config.track_length) & playing & ~terminated
