@@ -179,11 +179,12 @@ def test_who_need_not_brake_does_not_leave_the_record() -> None:
         assert not one._reactive.lag.any()
 
 
-def test_nobody_is_ahead_of_the_record() -> None:
+@pytest.mark.parametrize("begin", [0, 1])
+def test_nobody_is_ahead_of_the_record(begin: int) -> None:
     # Recorded places jump to and fro as measured ones do.
     made = recording([Drive(4, 0.0, 25.0), Drive(1, 200.0, 0.0)], frames=450)
     one = world(made, creeping(15.0, 4), "reactive")
-    one.playbacks.film.numbers[0, ::2, 1:] += 2.0
+    one.playbacks.film.numbers[0, begin::2, 1:] += 2.0
     assert one._reactive is not None
     lags = []
     for _ in range(200):
