@@ -1,7 +1,9 @@
 """Tasks on a Ray cluster."""
 
+import logging
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import ray
 import ray.exceptions
@@ -11,6 +13,8 @@ from drlsl.study.folder import Failure, StudyFolder
 from drlsl.study.plan import Task
 from drlsl.study.tasks import Perform
 from drlsl.study.workers import Outcome
+
+_COLOUR: Final = re.compile(r"\x1b\[\d+m")
 
 
 class RayWorkers:
@@ -27,7 +31,7 @@ class RayWorkers:
             UserError: there is no cluster.
         """
         try:
-            ray.init(address=address, log_to_driver=False)
+            ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise UserError(f"--ray {address}: no Ray cluster there ({error})") from error
         self._root = folder.root.resolve()
@@ -77,7 +81,10 @@ def _failure(ref: Any) -> Failure | None:
     """How a task failed, if it did."""
     try:
         ray.get(ref)
-    except ray.exceptions.RayError as error:
-        text = str(error).strip()
+    except ray.exceptions.RayTaskError as error:
+        text = _COLOUR.sub("", str(error)).strip()
         return Failure(text.splitlines()[-1].removeprefix("drlsl.errors.UserError: "), text)
+    except ray.exceptions.RayError as error:
+        # Its text names processes and nodes, which differ from run to run.
+        return Failure(f"the process or its node ended ({type(error).__name__})", str(error))
     return None

@@ -65,9 +65,10 @@ def _blocks(results: Results, figures: Mapping[str, bytes]) -> Iterator[Block]:
 def _summary(results: Results) -> Iterator[Block]:
     study = results.study
     names = ", ".join(method.label for method in study.methods.values())
+    seeds = "1 seed" if study.seeds == 1 else f"{study.seeds} seeds"
     tests = ", ".join(test.label for test in study.tests.values())
     yield Paragraph(
-        f"{len(study.methods)} methods ({names}), {study.seeds} seeds each, tested in "
+        f"{len(study.methods)} methods ({names}), {seeds} each, tested in "
         f"{study.evaluation_episodes} episodes a seed of each of these, with the shield and without: "
         f"{tests}. No policy is trained again and no rule changed between them."
     )

@@ -48,8 +48,10 @@ def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -
     assert max(busy) == 2
     (told,) = folder.failures(Task(Run("m0", 0)))
     assert told.summary == "told to fail at m0-seed0"
-    assert "Traceback" in told.log
-    assert len(folder.failures(Task(Run("m1", 0), "freeway"))) == 1
+    assert "in _fail_if_told" in told.log
+    assert "\x1b" not in told.log
+    (killed,) = folder.failures(Task(Run("m1", 0), "freeway"))
+    assert killed.summary == "the process or its node ended (WorkerCrashedError)"
     assert len(folder.failures(Task(Run("m1", 1)))) == 2
 
 

@@ -1,0 +1,38 @@
+"""Write docs/results.md from a study's report; what is written by hand there is kept.
+
+python scripts/results_page.py runs/paper
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).parents[1] / "docs"
+BEGIN, END = "<!-- what follows is made by scripts/results_page.py -->", "<!-- end of what is made -->"
+FIRST = "# Results\n\n"
+
+
+def page(report: str, before: str) -> str:
+    """The page: what stood by hand before and after the made part, and the report between."""
+    above, _, rest = before.partition(BEGIN)
+    below = rest.partition(END)[2]
+    made = report.partition("\n")[2].replace("](figures/", "](results/").strip()
+    return f"{above or FIRST}{BEGIN}\n\n{made}\n\n{END}{below or chr(10)}"
+
+
+def main(study: Path) -> None:
+    """Write the page and copy its figures."""
+    report = study / "report"
+    target = DOCS / "results.md"
+    before = target.read_text(encoding="utf-8") if target.exists() else ""
+    target.write_text(page((report / "report.md").read_text(encoding="utf-8"), before), encoding="utf-8")
+    shutil.copytree(report / "figures", DOCS / "results", dirs_exist_ok=True)
+    print(f"wrote {target}")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: python scripts/results_page.py STUDY_FOLDER")
+    main(Path(sys.argv[1]))
