@@ -113,12 +113,16 @@ class ReactiveTraffic:
 
     def get_state(self) -> dict[str, Any]:
         """Who lags, and who lagged."""
-        return {"lag": self.lag.copy(), "speed": self.speed.copy(), "past": list(self._past)}
+        past = [np.concatenate(columns) for columns in zip(*self._past, strict=True)]
+        counts = np.array([len(lagging) for lagging, _, _ in self._past], dtype=np.int64)
+        return {"lag": self.lag.copy(), "speed": self.speed.copy(), "past": past, "counts": counts}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave."""
         self.lag, self.speed = state["lag"].copy(), state["speed"].copy()
-        self._past = deque(map(tuple, state["past"]), maxlen=self._past.maxlen)
+        ends = np.cumsum(state["counts"])[:-1]
+        columns = [np.split(column, ends) for column in state["past"]]
+        self._past = deque(zip(*columns, strict=True), maxlen=self._past.maxlen)
 
     def _drive(
         self,
