@@ -79,17 +79,25 @@ FAILURES = {
 }
 
 
+def refusal(asked: Shield) -> str:
+    """Why a tier does not run a program; nothing if it does."""
+    try:
+        asked.decide_batch(SceneBatch.of([SCENE]))
+    except UserError as problem:
+        return str(problem)
+    return ""
+
+
 @pytest.mark.parametrize("changes", FAILURES.values(), ids=FAILURES)
 @pytest.mark.parametrize("tier", ["interpreter", "scalar", "numpy"])
 def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str], tier: str) -> None:
     failing = shield(tier, **changes)
     with pytest.raises(RuleFailure):
         failing.decide(SCENE)
-    try:
-        decisions = failing.decide_batch(SceneBatch.of([SCENE]))
-    except UserError as refusal:
-        assert f"the {tier} tier cannot run these rules" in str(refusal)
+    if tier != "interpreter" and (refused := refusal(failing)):
+        assert f"the {tier} tier cannot run these rules" in refused
         return
+    decisions = failing.decide_batch(SceneBatch.of([SCENE]))
     assert decisions.action_mask.tolist() == [[True, False, False]]
     assert decisions.target_speed[0] == fail_safe_speed(30.0, SCENE.road) == pytest.approx(30.0 - 8.0 * 0.04)
     assert decisions.lane_to_keep[0] == SCENE.target_lane
