@@ -31,6 +31,7 @@ QUESTIONS = {
     "slow": "longitudinal_velocity(V), V < 20.0",
     "braking": "longitudinal_velocity(V), vehicle(ego, _, _, _, Vx, _, _, _), V < abs(Vx)",
     "near": "state([Front|_]), Front < 0.3",
+    "first": "once(( vehicle(Id, _, X, _, _, _, _, _), X > 5.0 )), Id == v2",
     "place": "state([_, _, _, _, _, _, _, _, Place, _]), Place > 0.4",
 }
 

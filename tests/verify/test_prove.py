@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,9 @@ import pytest
 from drlsl.driving.scene_file import load_scene
 from drlsl.driving.shield import Shield, default_rules
 from drlsl.verify.gallery import write_counterexample
+from drlsl.verify.properties import load
 from drlsl.verify.ranges import Case, all_cases
+from drlsl.verify.replay import Replay
 from drlsl.verify.report import Request, Result, verify
 
 RULES = default_rules()[0].parent
@@ -125,6 +128,15 @@ def test_seeded_bugs_are_found(tmp_path: Path, kind: str) -> None:
     counterexample = found[name].counterexample
     assert counterexample is not None
     assert json.loads(json.dumps(counterexample.as_json()))["scene"]["ego"]
+
+
+def test_a_scene_that_breaks_nothing_is_no_counterexample() -> None:
+    book = load([RULES / "paper.pl"])
+    replay = Replay(book.engine, next(one for one in book.properties if one.name == "nothing_hidden"))
+    scene = load_scene(RULES.parent / "examples" / "scene.json")
+    assert replay.breaks(scene, scene.vehicles[0].id) is None
+    near = scene.ego._replace(id="near", lane=scene.ego.lane, x=scene.ego.x + 5.5)
+    assert replay.breaks(replace(scene, vehicles=(near,)), "near") is None
 
 
 def test_an_arithmetic_error_is_a_counterexample(tmp_path: Path) -> None:

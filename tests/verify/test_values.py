@@ -194,6 +194,8 @@ def test_unlike_questions_have_unlike_signatures() -> None:
         algebra.less(narrow, algebra.one),
         algebra.less(x, algebra.number(2)),
         algebra.less(algebra.one, x),
+        algebra.less(x, algebra.number(0.5)),
+        algebra.less(x, algebra.number(0.25)),
     ):
         seen.add(signature([truth], algebra.ring))
-    assert len(seen) == 4
+    assert len(seen) == 6
