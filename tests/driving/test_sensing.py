@@ -210,3 +210,14 @@ def test_it_is_a_function_of_the_episodes_seed(shield: Shield) -> None:
 def test_impossible_faults_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(bad))):
         SensingConfig.model_validate(bad)
+
+
+def test_what_the_others_see_outlasts_a_reset(shield: Shield) -> None:
+    config = EnvConfig(recording="highway-test", sensing=SensingConfig(position_noise=1.0))
+    playbacks = in_direction(playbacks_of([load_recording("highway-test")], 100.0), config)
+    one = World(config, [playbacks] * 3, shield)
+    one.reset([0, 1, 2], [np.random.default_rng(seed) for seed in range(3)])
+    one.step(np.zeros(3, dtype=np.int64))
+    before = [one.scene(ego) for ego in range(3)]
+    one.reset([1], [np.random.default_rng(9)])
+    assert [one.scene(ego) == before[ego] for ego in range(3)] == [True, False, True]

@@ -49,7 +49,8 @@ def test_the_shield_holds(name: str, policy: str) -> None:
 
 def test_what_a_blind_program_does_is_counted(tmp_path: Path) -> None:
     (tmp_path / "blind.pl").write_text(BLIND)
-    made = recording([Drive(lane, x, 20.0) for lane in range(1, 6) for x in range(0, 420, 60)], frames=100)
+    drives = [Drive(lane, x, 12.0 + 2.0 * lane) for lane in range(1, 6) for x in range(0, 420, 60)]
+    made = recording(drives, frames=100)
     report = run_stress(made, Shield.from_files([tmp_path / "blind.pl"], tier="auto"), list(POLICIES), 30)
     counts = report.total
     assert counts.off_road + counts.contacts_at_fault > 0
@@ -59,6 +60,7 @@ def test_what_a_blind_program_does_is_counted(tmp_path: Path) -> None:
     assert [one.episodes for one in report.policies.values()] == [10, 10, 10]
     kept = [(record.verdict != "at_fault", -record.closing_speed) for record in report.worst]
     assert kept == sorted(kept)
+    assert len({speed for _, speed in kept}) > 1
     for record in report.worst:
         ego, other = (
             record.scene.ego,
