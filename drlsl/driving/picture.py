@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -23,6 +24,12 @@ ARROW_TIME: Final = 0.25
 
 _WIDTH: Final = 10.0
 """Width of a picture [inch]."""
+
+_TITLE_LETTERS: Final = 105
+"""Letters of a title that fit in one line."""
+
+_LINE: Final = 0.2
+"""Height of a line of text [inch]."""
 
 _LEAST_HEIGHT: Final = 1.8
 """Height of the road in a picture [inch]: below it the road is stretched across."""
@@ -53,7 +60,10 @@ def draw_scene(
     left, right, top, bottom = _extent(scene)
     scale = _WIDTH / (right - left)  # inches per metre
     stretch = max(1, math.ceil(_LEAST_HEIGHT / ((bottom - top) * scale)))
-    figure = Figure(figsize=(_WIDTH, (bottom - top) * scale * stretch + 1.5), layout="constrained")
+    wrapped = textwrap.fill(title, _TITLE_LETTERS)
+    lines = len([*wrapped.splitlines(), *caption.splitlines()])
+    height = (bottom - top) * scale * stretch + 0.7 + _LINE * lines
+    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
     axes = figure.add_subplot()
     axes.set_xlim(left, right)
     axes.set_ylim(bottom, top)  # y points downward
@@ -67,7 +77,7 @@ def draw_scene(
     axes.set_xlabel(f"x in m ({across}; arrows: {ARROW_TIME:g} s of motion)")
     axes.set_ylabel("y in m")
     if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+        figure.suptitle(wrapped, x=0.01, ha="left", fontsize=11, fontweight="bold")
     if caption:
         figure.supxlabel(caption, x=0.01, ha="left", fontsize=9)
     return figure
