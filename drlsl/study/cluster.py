@@ -2,6 +2,8 @@
 
 import logging
 import re
+import signal
+import socket
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +15,9 @@ from drlsl.study.folder import Failure, StudyFolder
 from drlsl.study.plan import Task
 from drlsl.study.tasks import Perform
 from drlsl.study.workers import Outcome
+
+ANSWER_S: Final = 10.0
+"""How long a cluster may take to answer."""
 
 _COLOUR: Final = re.compile(r"\x1b\[\d+m")
 
@@ -30,10 +35,14 @@ class RayWorkers:
         Raises:
             UserError: there is no cluster.
         """
+        _knock(address)
+        # Ray puts a handler of its own in place of the one that has the study stop in good order.
+        on_terminate = signal.getsignal(signal.SIGTERM)
         try:
             ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise UserError(f"--ray {address}: no Ray cluster there ({error})") from error
+        signal.signal(signal.SIGTERM, on_terminate)
         self._root = folder.root.resolve()
         self._remote = ray.remote(num_cpus=1, max_retries=0)(_perform)
         self._perform = perform
@@ -70,6 +79,23 @@ class RayWorkers:
     def close(self) -> None:
         """Leave the cluster."""
         ray.shutdown()
+
+
+def _knock(address: str) -> None:
+    """Make sure that something answers at an address: Ray itself gives up after five minutes, and exits.
+
+    Raises:
+        UserError: the address is not HOST:PORT or auto, or nothing answers there.
+    """
+    if address == "auto":
+        return
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not (host and port.isdecimal()):
+        raise UserError(f"--ray {address}: expected HOST:PORT of a Ray cluster, or auto")
+    try:
+        socket.create_connection((host, int(port)), timeout=ANSWER_S).close()
+    except (OSError, OverflowError) as error:
+        raise UserError(f"--ray {address}: no Ray cluster there ({error})") from error
 
 
 def _perform(perform: Perform, root: Path, task: Task) -> None:

@@ -1,5 +1,6 @@
 """Tasks on a Ray cluster of two nodes on this machine."""
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,9 @@ def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -
     tell_to_fail(folder.root, "m1-seed0.freeway", "killed", 1)
     tell_to_fail(folder.root, "m1-seed1", "raise", 3)
     busy = []
+    on_terminate = signal.getsignal(signal.SIGTERM)
     workers = RayWorkers(folder, perform, cluster.address)
+    assert signal.getsignal(signal.SIGTERM) is on_terminate
     for progress in work(folder, workers):
         busy.append(len(progress.busy))
     assert (progress.done, progress.given_up) == (9, 3)
@@ -84,8 +87,17 @@ def test_the_nodes_of_a_cluster_do_real_work(cluster: Any, tmp_path: Path) -> No
     assert "None." in (out / "report" / "report.md").read_text().partition("Runs that failed")[2][:20]
 
 
-def test_a_cluster_that_is_not_there(folder: StudyFolder) -> None:
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("127.0.0.1:1", "no Ray cluster there"),
+        ("127.0.0.1:99999", "no Ray cluster there"),
+        ("ray://127.0.0.1:1", "no Ray cluster there"),
+        ("auot", "expected HOST:PORT"),
+    ],
+)
+def test_a_cluster_that_is_not_there(folder: StudyFolder, address: str, told: str) -> None:
     from drlsl.study.cluster import RayWorkers
 
-    with pytest.raises(UserError, match="no Ray cluster there"):
-        RayWorkers(folder, perform, "127.0.0.1:1")
+    with pytest.raises(UserError, match=told):
+        RayWorkers(folder, perform, address)
