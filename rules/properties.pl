@@ -10,6 +10,8 @@
 % asked for; the numbers are repeated on purpose, so that a change of the rules shows.
 
 :- dynamic(focus/1).
+:- discontiguous(property/2).
+:- discontiguous(violates/1).
 
 % ------------------------------------------------------------------------------------------------- lane changes
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,6 +24,13 @@ from drlsl.verify.symbolic import FOCUS
 
 FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
 """The facts of a scene, and the one vehicle that `focus/1` names."""
+
+
+_SHARED: Final = "".join(
+    f":- multifile({name}).\n:- discontiguous({name}).\n"
+    for name in ("property/2", "violates/1", "image/3", "range/3")
+)
+"""Each of several files of properties may have clauses of these, in any order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +77,7 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
         PrologError: a file is not a valid program.
     """
     engine = Engine()
+    engine.consult_text(_SHARED, "what files of properties share")
     for path in [*(rules or default_rules()), *(properties or (default_properties(),))]:
         warned = len(engine.warnings)
         try:
@@ -85,11 +94,15 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
 
 def _declared(engine: Engine) -> tuple[Property, ...]:
     """The properties that `property/2` declares, each with a predicate of its own that says it is broken."""
-    if not engine.defines("property", 2) or not engine.defines("violates", 1):
+    found = [
+        Property(str(solution["Name"]), str(solution["Text"]))
+        for solution in engine.query("property(Name, Text)")
+    ]
+    if not found:
         raise UserError("no properties: a file of properties has property(Name, Text) and violates(Name)")
-    found = []
-    for solution in engine.query("property(Name, Text)"):
-        found.append(Property(str(solution["Name"]), str(solution["Text"])))
+    twice = [name for name, times in Counter(one.name for one in found).items() if times > 1]
+    if twice:
+        raise UserError(f"property({twice[0]}, ...) is there more than once")
     names = {one.name for one in found}
     broken = set()
     for clause in engine.program.get("violates", 1).clauses:
@@ -110,8 +123,6 @@ def _declared(engine: Engine) -> tuple[Property, ...]:
 def _ranges(engine: Engine) -> dict[str, Range]:
     """The default ranges with those that the properties give."""
     ranges = dict(RANGES)
-    if not engine.defines("range", 3):
-        return ranges
     for solution in engine.query("range(Name, Low, High)"):
         name, low, high = str(solution["Name"]), solution["Low"], solution["High"]
         if name not in ranges:

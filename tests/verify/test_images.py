@@ -73,7 +73,9 @@ def test_images_that_cannot_be(text: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("property(a, b).", "no properties"),
+        ("image(a, b, c).", "no properties"),
+        ("property(a, b). property(a, c). violates(a) :- fail.", "more than once"),
+        ("property(a, b).", r"property\(a, ...\) without a clause"),
         ("property(a, b). violates(c) :- fail.", r"violates\(c\) without property"),
         ("property(a, b). property(c, d). violates(a) :- fail.", r"property\(c, ...\) without a clause"),
         ("property(a, b). violates(a) :- fail. gap(_, 1).", "must not change the rules"),
@@ -87,6 +89,15 @@ def test_files_of_properties_that_cannot_be(tmp_path: Path, text: str, message: 
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=message):
         load(default_rules(), [path])
+
+
+def test_several_files_of_properties_stand_side_by_side(tmp_path: Path) -> None:
+    path = tmp_path / "more.pl"
+    path.write_text("property(mine, b). violates(mine) :- fail. range(length, 1, 18).", encoding="utf-8")
+    book = load([], [path, default_properties()])
+    assert [one.name for one in book.properties][:2] == ["mine", "lane_exists"]
+    assert book.ranges["length"] == (1, 18)
+    assert not book.engine.warnings
 
 
 def test_a_property_may_ask_for_what_rules_lack(tmp_path: Path) -> None:
