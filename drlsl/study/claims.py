@@ -162,8 +162,8 @@ def _label(results: Results, method: str) -> str:
 
 
 def _order(values: dict[Any, float]) -> str:
-    """Names with their numbers, the smallest first."""
-    known = sorted(values.items(), key=lambda item: item[1])
+    """Names with their numbers, the smallest first, those without one last."""
+    known = sorted(values.items(), key=lambda item: (bool(np.isnan(item[1])), item[1]))
     return "; ".join(f"{name} {_number(value)}" for name, value in known)
 
 

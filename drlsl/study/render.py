@@ -124,11 +124,11 @@ def _html_table(table: Table) -> str:
 
 
 def _right_aligned(frame: pd.DataFrame) -> set[str]:
-    """Columns whose every cell begins as a number does, or is empty."""
+    """Columns whose every cell begins with a number, or with the dash that stands for none."""
 
     def is_number(cell: object) -> bool:
         text = str(cell)
-        return text == "-" or text.removeprefix("-")[:1].isdigit()
+        return text.split(" ")[0] == "-" or text.removeprefix("-")[:1].isdigit()
 
     return {column for column in frame.columns if all(map(is_number, frame[column]))}
 

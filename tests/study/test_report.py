@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from drlsl.learning.rundir import RunFolder
-from drlsl.study.claims import Claim, claims
+from drlsl.study.claims import Claim, agreement, claims
 from drlsl.study.folder import Failure, StudyFolder
 from drlsl.study.plan import Run, Task
 from drlsl.study.render import Paragraph, markdown, page
@@ -137,6 +137,24 @@ def test_a_claim_without_results_is_open(folder: StudyFolder, tmp_path: Path) ->
     text = (write_report(empty) / "report.md").read_text()
     assert "36 of 36 runs have no result" in text
     assert "| no result |" in text
+
+
+def test_the_order_of_the_methods_is_held_against_the_papers(results: Results) -> None:
+    tests = results.tests.copy()
+    known = tests["test"] == "left-to-right"
+    tests.loc[known, "lane_changes"] = tests.loc[known, "method"].map({"m0": 200, "m1": 40, "m2": 300})
+    tests.loc[known & (tests["method"] == "m1"), "mean_steps_completed"] = float("nan")
+    frame = agreement(replaced(results, tests=tests)).frame.set_index("row")
+    assert frame.loc["Lane changes", "paper"] == "DQNSL 43; DQN 204"
+    assert frame.loc["Lane changes", "study"] == "Method 1 40; Method 0 200; Method 2 300"
+    assert frame.loc["Lane changes", "pairs in the paper's order"] == "1 of 1"
+    # The paper has both at 0: no order to keep.
+    assert frame.loc["Off-road", "pairs in the paper's order"] == "0 of 0"
+    assert frame.loc["Time steps", "study"].endswith("Method 1 -")
+    assert frame.loc["Time steps", "pairs in the paper's order"] == "0 of 0"
+    swapped = tests.assign(lane_changes=-tests["lane_changes"])
+    frame = agreement(replaced(results, tests=swapped)).frame.set_index("row")
+    assert frame.loc["Lane changes", "pairs in the paper's order"] == "0 of 1"
 
 
 def replaced(results: Results, **changes: pd.DataFrame) -> Results:
