@@ -26,9 +26,9 @@ RANGES: Final[dict[str, Range]] = {
 }
 """The least and greatest value of every quantity, in m, s and m/s.
 
-`ego_speed` counts along the direction of the ego's lane, `speed` of the others along x; `median` is the strip
-between the two directions, `road_position` the y of the middle of the ego's lane. A file of properties may
-narrow or widen a range with a fact ``range(Name, Low, High)``.
+`ego_speed` and `speed`, that of the others, count in the direction of the ego's lane, `lateral_speed` to its
+right; `median` is the strip between the two directions, `road_position` the y of the middle of the ego's
+lane. A file of properties may narrow or widen a range with a fact ``range(Name, Low, High)``.
 """
 
 TYPICAL: Final[dict[str, Fraction]] = {
@@ -53,8 +53,8 @@ TYPICAL: Final[dict[str, Fraction]] = {
 
 NAMES: Final = {
     "ego_speed": "the ego's speed along its lane, m/s",
-    "speed": "the others' speed along x, m/s",
-    "lateral_speed": "speed across the road, m/s",
+    "speed": "the others' speed the ego's way, m/s",
+    "lateral_speed": "speed to the right, m/s",
     "length": "length of a vehicle, m",
     "width": "width of a vehicle, m",
     "lane_width": "width of a lane, m",

@@ -216,21 +216,20 @@ def _ranges_hold(scene: Scene, symbolic: SymbolicScene) -> bool:
         return low - Fraction(1, 10**9) <= value <= high + Fraction(1, 10**9)
 
     road, cars = scene.road, (scene.ego, *scene.vehicles)
-    places = [
+    sign = symbolic.case.direction(symbolic.case.ego_lane).sign
+    lanes = [
         within("lane_width", lane.width) and within("speed_limit", lane.speed_limit) for lane in road.lanes
     ]
     boxes = [
         within("length", car.length)
         and within("width", car.width)
-        and within("speed", car.vx)
-        and within("lateral_speed", car.vy)
+        and within("ego_speed" if car is scene.ego else "speed", sign * car.vx)
+        and within("lateral_speed", sign * car.vy)
         and _is_in_lane(road, car)
         for car in cars
     ]
-    speed = scene.ego.vx * symbolic.case.direction(symbolic.case.ego_lane).sign
     return (
-        all([*places, *boxes])
-        and within("ego_speed", speed)
+        all([*lanes, *boxes])
         and within("time_step", road.time_step)
         and within("radar_range", road.radar_range)
         and len(scene.in_range()) == len(scene.vehicles)

@@ -179,6 +179,22 @@ def test_ranges_of_a_property_file_count(tmp_path: Path) -> None:
     assert results(properties=(properties,), cases=(TWO_LANES,), vehicles=0)["slow"].status == "proved"
 
 
+def test_a_counterexample_keeps_to_the_ranges(tmp_path: Path) -> None:
+    properties = tmp_path / "properties.pl"
+    properties.write_text(
+        "property(none, 'no vehicle ahead'). range(speed, 5.125, 9.375). range(lateral_speed, 0.5, 1). "
+        "range(length, 3.3, 3.4). violates(none) :- vehicle(Id, _, X, _, _, _, _, _), Id \\== ego, X > 7.0."
+    )
+    for case in (TWO_LANES, Case(2, 0, 1, 1)):
+        found = results(properties=(properties,), cases=(case,), vehicles=1)["none"].counterexample
+        assert found is not None
+        (car,) = found.scene.vehicles
+        sign = case.direction(case.ego_lane).sign
+        assert 5.125 <= sign * car.vx <= 9.375
+        assert 0.5 <= sign * car.vy <= 1
+        assert 3.3 <= car.length <= 3.4
+
+
 def test_all_cases_are_roads_with_the_ego_on_them() -> None:
     cases = all_cases()
     assert len(cases) == len(set(cases))
