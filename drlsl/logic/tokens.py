@@ -22,29 +22,31 @@ VARIABLE, WORD, WORD_OPEN, PUNCTUATION, END, SPECIAL, FRACTION, INTEGER = range(
 SYMBOL, SYMBOL_OPEN, QUOTED, QUOTED_OPEN, STRING, BACKQUOTED, LETTER, LETTER_OPEN = range(9, 17)
 EOF, ERROR = 17, 18
 
-_ESCAPE: Final = r"\\(?:x[0-9a-fA-F]++\\?+|[0-7]++\\?+|[\s\S])"
-_LAYOUT: Final = r"(?:\s++|%[^\n]*+|/\*[\s\S]*?\*/)*+"
+# Only single characters are repeated possessively: before 3.11.5, Python's re does not take back what a
+# possessive group read before it failed. So the groups can be read in one way alone.
+_ESCAPE: Final = r"\\(?:x[0-9a-fA-F]++\\?+|[0-7]++\\?+|x(?![0-9a-fA-F])|[^x0-7])"
+_LAYOUT: Final = r"(?:\s++|%[^\n]*+|/\*[^*]*+(?:\*(?!/)[^*]*+)*\*/)*"
 
 
 def _expression(iso: bool) -> str:
-    digits = r"[0-9]++" if iso else r"[0-9]++(?:_[0-9]++)*+"
+    digits = r"[0-9]++" if iso else r"[0-9]++(?:_[0-9]++)*"
     special = "" if iso else r"|[1-9][0-9]?'[0-9a-zA-Z]++"
     floats = "" if iso else r"|[0-9]++[eE][+-]?[0-9]++"
     plain = r"\\\n\t" if iso else r"\\\n"
     return rf"""{_LAYOUT}(?:
       ([A-Z_]\w*+)
-    | ([a-z]\w*+)(\()?+
+    | ([a-z]\w*+)(\()?
     | ([()\[\]{{}},|])
     | (\.)(?=\s|%|\Z)
     | (0(?:x[0-9a-fA-F]++|o[0-7]++|b[01]++
         |'(?:''|\\(?:x[0-9a-fA-F]++\\|[0-7]++\\|[^x0-7\s])|[^'\\\s]|[ ])){special})
-    | ([0-9]++\.[0-9]++(?:[eE][+-]?[0-9]++|Inf\b|NaN\b)?+{floats})
+    | ([0-9]++\.[0-9]++(?:[eE][+-]?[0-9]++|Inf\b|NaN\b)?{floats})
     | ({digits})
-    | ((?!/\*)[#$&*+\-./:<=>?@^~\\]++|[!;]|[^\x00-\x7f\w\s]++)(\()?+
-    | '((?:[^'{plain}]++|''|{_ESCAPE})*+)'(\()?+
-    | "((?:[^"{plain}]++|""|{_ESCAPE})*+)"
-    | `((?:[^`{plain}]++|``|{_ESCAPE})*+)`
-    | ([^\W\d]\w*+)(\()?+
+    | ((?!/\*)[#$&*+\-./:<=>?@^~\\]++|[!;]|[^\x00-\x7f\w\s]++)(\()?
+    | '((?:[^'{plain}]++|''|{_ESCAPE})*)'(?!')(\()?
+    | "((?:[^"{plain}]++|""|{_ESCAPE})*)"(?!")
+    | `((?:[^`{plain}]++|``|{_ESCAPE})*)`(?!`)
+    | ([^\W\d]\w*+)(\()?
     | (\Z)
     | ([\s\S])
     )"""
