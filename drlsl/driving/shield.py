@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, Solution
 if TYPE_CHECKING:
     from drlsl.driving.batch import Decisions, SceneBatch
     from drlsl.driving.tiers import ArrayTier
+
+_LOG: Final = logging.getLogger(__name__)
 
 OBSERVATION_SIZE: Final = 10
 """Numbers in an observation. Source: paper, State Space."""
@@ -162,6 +165,7 @@ class Shield:
             from drlsl.driving.tiers import choose_tier  # numpy: loaded only where batches are asked
 
             self._arrays = choose_tier(self, self._requested_tier)
+            _LOG.info("the rules run on the %s tier", self._arrays.name)
         return self._arrays
 
     def state_facts(self, scene: Scene) -> None:
