@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Final
 
 from drlsl.logic.flags import Flags
+from drlsl.logic.goals import BUILTIN_ARGUMENTS
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Program
 from drlsl.logic.reader import ReadTerm, Source
@@ -30,22 +31,6 @@ CONTROL: Final = frozenset({",", ";", "->", "*->", "|"})
 """What stands between goals."""
 
 _OPEN: Final = frozenset({WORD_OPEN, SYMBOL_OPEN, QUOTED_OPEN, LETTER_OPEN})
-
-GOAL_ARGUMENTS: Final = {
-    ("findall", 3): (1,),
-    ("findall", 4): (1,),
-    ("bagof", 3): (1,),
-    ("setof", 3): (1,),
-    ("aggregate_all", 3): (1,),
-    ("aggregate_all", 4): (2,),
-    ("forall", 2): (0, 1),
-    ("once", 1): (0,),
-    ("ignore", 1): (0,),
-    ("call", 1): (0,),
-    ("not", 1): (0,),
-    ("\\+", 1): (0,),
-}
-"""The arguments of builtins that are goals, from 0."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +119,7 @@ class ClauseText:
             else:
                 call = self._call(part)
                 yield call
-                inner = GOAL_ARGUMENTS.get((first[1], len(call.arguments)), ())
+                inner = BUILTIN_ARGUMENTS.get((first[1], len(call.arguments)), ())
                 for index in inner:
                     yield from self._goals(call.arguments[index])
 

@@ -11,11 +11,12 @@ from typing import Final
 
 from drlsl.assurance.asking import WRONG, Interpreter
 from drlsl.assurance.checks import Case
-from drlsl.assurance.clause_text import GOAL_ARGUMENTS, ClauseText, clause_texts
+from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.driving.shield import Shield
 from drlsl.logic.body import callable_parts
 from drlsl.logic.builtins.database import split_clause
 from drlsl.logic.engine import Engine
+from drlsl.logic.goals import BUILTIN_ARGUMENTS
 from drlsl.logic.program import Clause
 from drlsl.logic.reader import ReadTerm
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, deref
@@ -123,7 +124,7 @@ class Instrumented:
             return self._then(term, text)
         if (name, len(args)) in (("\\+", 1), ("not", 1)):
             return self._negation(term, text)
-        inner = GOAL_ARGUMENTS.get((name, len(args)), ())
+        inner = BUILTIN_ARGUMENTS.get((name, len(args)), ())
         if not inner:
             return term
         return Struct(name, tuple(self._body(arg, text) if n in inner else arg for n, arg in enumerate(args)))

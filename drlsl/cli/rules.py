@@ -149,14 +149,10 @@ def _query(goal: str) -> Query:
 
 
 def _load(files: list[Path] | None) -> Engine:
-    from drlsl.driving.shield import default_rules
-    from drlsl.errors import UserError
+    from drlsl.driving.shield import consult_rules, default_rules
     from drlsl.logic import Engine
 
     engine = Engine()
     for path in files or default_rules():
-        try:
-            engine.consult(path)
-        except OSError as error:
-            raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+        consult_rules(engine, path)
     return engine

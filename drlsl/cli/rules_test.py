@@ -66,10 +66,10 @@ def run_tables(
     from drlsl.assurance.reasons import reasons_of
     from drlsl.assurance.running import run_cases
     from drlsl.assurance.tables import load_table, tables_of
-    from drlsl.driving.shield import Shield, default_rules
+    from drlsl.driving.shield import Shield, default_rules, rule_file
     from drlsl.errors import UserError
 
-    rules = files or list(default_rules())
+    rules = [rule_file(file) for file in files or default_rules()]
     shield = Shield.from_files(rules)
     chosen = tables or tables_of(rules)
     if not chosen:

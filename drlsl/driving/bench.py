@@ -81,10 +81,9 @@ def median_seconds(run: Callable[[], object], runs: int) -> float:
     return statistics.median(times)
 
 
-def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
-    """Scenes on a road with three lanes in each direction, every vehicle in radar range."""
-    rng = random.Random(seed)
-    lanes = tuple(
+def six_lanes() -> tuple[Lane, ...]:
+    """Three lanes in each direction."""
+    return tuple(
         Lane(
             number + 1,
             Direction.RIGHT_TO_LEFT if number < 3 else Direction.LEFT_TO_RIGHT,
@@ -94,6 +93,12 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
         )
         for number in range(6)
     )
+
+
+def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
+    """Scenes on a road with three lanes in each direction, every vehicle in radar range."""
+    rng = random.Random(seed)
+    lanes = six_lanes()
     road = Road(lanes, 0.04, 100.0, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE)
 
     def vehicle(name: str, x: float) -> Vehicle:

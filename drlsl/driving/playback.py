@@ -110,10 +110,6 @@ class Playback:
         """Length of the recorded stretch of road [m]."""
         return self.x_max - self.x_min
 
-    def along(self, x: float) -> float:
-        """How far `x` is from the beginning of the stretch, in the direction of travel [m]."""
-        return x - self.x_min if self.sign > 0 else self.x_max - x
-
     def at(self, along: Floats | float) -> Floats | float:
         """The x that is `along` [m] from the beginning of the stretch."""
         return self.x_min + along if self.sign > 0 else self.x_max - along

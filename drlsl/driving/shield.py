@@ -105,10 +105,7 @@ class Shield:
         """
         engine = Engine()
         for path in paths or default_rules():
-            try:
-                engine.consult(_found(path))
-            except OSError as error:
-                raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+            consult_rules(engine, path)
         return cls(engine, tier=tier)
 
     def decide(self, scene: Scene) -> Decision:
@@ -131,9 +128,6 @@ class Shield:
             )
         except (PrologError, LimitExceeded) as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error
-
-    def _kept_lane(self) -> object:
-        return _value(self._lane_to_keep.once(LIMITS), "Lane")
 
     def entry_is_safe(self, scene: Scene) -> bool:
         """Whether the ego may be placed where `scene` has it.
@@ -228,12 +222,25 @@ def default_rules() -> tuple[Path, ...]:
     raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
 
 
-def _found(path: str | Path) -> str | Path:
+def consult_rules(engine: Engine, path: str | Path) -> None:
+    """Consult a rule file, or the program of this name that ships with the package.
+
+    Raises:
+        UserError: the file cannot be read.
+        PrologError: it is not a valid program.
+    """
+    try:
+        engine.consult(rule_file(path))
+    except OSError as error:
+        raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+
+
+def rule_file(path: str | Path) -> Path:
     """A rule file, or the program of this name that ships with the package."""
     if Path(path).exists() or len(Path(path).parts) > 1:
-        return path
+        return Path(path)
     shipped = default_rules()[0].parent / path
-    return shipped if shipped.is_file() else path
+    return shipped if shipped.is_file() else Path(path)
 
 
 def _is_number(value: object) -> TypeGuard[float]:

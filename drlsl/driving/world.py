@@ -151,8 +151,7 @@ class World:
         Raises:
             UserError: the recording has no gap to enter.
         """
-        for ego, rng in zip(egos, rngs, strict=True):
-            self._begin(ego, rng)
+        self._begin(dict(zip(egos, rngs, strict=True)))
         places = np.asarray(egos)
         scenes = self._look(places).scenes
         seen = self._perceive(scenes, places)
@@ -206,7 +205,9 @@ class World:
             progress=distance / self.config.track_length,
         )
         entered = self._reenter(over)
-        decisions = self._decide(around.scenes, [*entered.nonzero()[0].tolist(), *self._restart(restarts)])
+        if restarts:
+            self._begin(restarts)
+        decisions = self._decide(around.scenes, [*entered.nonzero()[0].tolist(), *(restarts or ())])
         return StepResult(
             scenes=around.scenes,
             decisions=decisions,
@@ -253,23 +254,19 @@ class World:
         self._scenes, self._seen = scenes, seen
         self._decisions = self._ask(seen, self._everyone)
 
-    def _begin(self, ego: int, rng: np.random.Generator) -> None:
-        """Begin an episode of one ego."""
-        self.rngs[ego] = rng
-        if self._sensing is not None:
-            self._sensing.begin(ego, rng)
-        at, choices = self._egos.at, self._choices[ego]
-        at.playback[ego] = choices[rng.integers(len(choices))]
-        at.ended[ego], at.distance[ego] = False, 0.0
-        frame = int(rng.integers(self.playback_of(ego).frames))
-        self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
+    def _begin(self, episodes: Mapping[int, np.random.Generator]) -> None:
+        """Begin an episode of each ego that has a generator here."""
+        at = self._egos.at
+        for ego, rng in episodes.items():
+            self.rngs[ego] = rng
+            if self._sensing is not None:
+                self._sensing.begin(ego, rng)
+            choices = self._choices[ego]
+            at.playback[ego] = choices[rng.integers(len(choices))]
+            at.ended[ego], at.distance[ego] = False, 0.0
+            frame = int(rng.integers(self.playback_of(ego).frames))
+            self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
         self._courses = self.playbacks.courses.take(at.playback)
-
-    def _restart(self, restarts: Mapping[int, np.random.Generator] | None) -> list[int]:
-        """Begin the episodes that are asked for; returns whose."""
-        for ego, rng in (restarts or {}).items():
-            self._begin(ego, rng)
-        return list(restarts or {})
 
     def _place(self, ego: int, entry: Entry) -> None:
         """Put an ego at an entry, into traffic that has not met it."""

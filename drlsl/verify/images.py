@@ -13,28 +13,14 @@ from typing import Final, TypeAlias
 
 from drlsl.errors import UserError
 from drlsl.logic import Engine
+from drlsl.logic.goals import GOAL_ARGUMENTS
 from drlsl.logic.program import Clause, Program
 from drlsl.logic.terms import Atom, Struct, Term, deref
 
 Indicator: TypeAlias = tuple[str, int]
 
-GOAL_ARGUMENTS: Final[dict[Indicator, tuple[int, ...]]] = {
-    (",", 2): (0, 1),
-    (";", 2): (0, 1),
-    ("|", 2): (0, 1),
-    ("->", 2): (0, 1),
-    ("*->", 2): (0, 1),
-    ("\\+", 1): (0,),
-    ("not", 1): (0,),
-    ("once", 1): (0,),
-    ("ignore", 1): (0,),
-    ("forall", 2): (0, 1),
-    ("findall", 3): (1,),
-    ("findall", 4): (1,),
-    ("aggregate_all", 3): (1,),
-    ("aggregate_all", 4): (2,),
-}
-"""The arguments of control constructs and builtins that are goals."""
+_GOALS: Final = {key: places for key, places in GOAL_ARGUMENTS.items() if key != ("call", 1)}
+"""Where goals stand in goals; a call stands for what it calls."""
 
 IN: Final = ("in", 2)
 
@@ -53,8 +39,8 @@ def calls(goal: Term) -> Iterator[Indicator]:
     called = indicator(goal)
     if called is None:
         return
-    if isinstance(goal, Struct) and (called in GOAL_ARGUMENTS or called == IN):
-        for place in GOAL_ARGUMENTS.get(called, (1,)):
+    if isinstance(goal, Struct) and (called in _GOALS or called == IN):
+        for place in _GOALS.get(called, (1,)):
             yield from calls(goal.args[place])
     elif isinstance(goal, Struct) and goal.name == "call":
         closure = indicator(goal.args[0])
@@ -73,8 +59,8 @@ def rewritten(goal: Term, change: Callable[[Term], Term | None]) -> Term:
     if changed is not None:
         return changed
     called = indicator(goal)
-    if isinstance(goal, Struct) and called in GOAL_ARGUMENTS:
-        places = GOAL_ARGUMENTS[called]
+    if isinstance(goal, Struct) and called in _GOALS:
+        places = _GOALS[called]
         args = (rewritten(arg, change) if n in places else arg for n, arg in enumerate(goal.args))
         return Struct(goal.name, tuple(args))
     if isinstance(goal, Struct) and called == ("call", 1):
@@ -114,7 +100,7 @@ def _shallow(goal: Term) -> Iterator[Indicator]:
     if called is not None:
         yield called
     if isinstance(goal, Struct):
-        for place in GOAL_ARGUMENTS.get(called or ("", 0), (0,) if called == ("call", 1) else ()):
+        for place in _GOALS.get(called or ("", 0), (0,) if called == ("call", 1) else ()):
             yield from _shallow(goal.args[place])
 
 
@@ -157,7 +143,7 @@ class _Copies:
         if key[0] == "call" and key[1] > 1:
             assert isinstance(goal, Struct)
             return self.change(_applied(goal, self._image))
-        if key not in self._affected or key in GOAL_ARGUMENTS:
+        if key not in self._affected or key in _GOALS:
             return None
         self._copy(key)
         return self._renamed(goal)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from drlsl.driving.lowered import SCHEMA
-from drlsl.driving.shield import default_rules
+from drlsl.driving.shield import consult_rules, default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.linking import builtin, library
@@ -80,10 +80,7 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     engine.consult_text(_SHARED, "what files of properties share")
     for path in [*(rules or default_rules()), *(properties or (default_properties(),))]:
         warned = len(engine.warnings)
-        try:
-            engine.consult(path)
-        except OSError as error:
-            raise UserError(f"cannot read {path}: {error.strerror}") from error
+        consult_rules(engine, path)
         for warning in engine.warnings[warned:]:
             if "defined anew" in warning.message:
                 raise UserError(f"{warning}; a property must not change the rules that it is about")

@@ -62,8 +62,8 @@ def test_scenes_answer_to_drlsl_query_as_the_report_says(
     ("arguments", "message"),
     [
         (["--only", "nonsense"], "there is no property nonsense; there are lane_exists"),
-        (["--property", "missing.pl"], "cannot read missing.pl"),
-        (["missing.pl"], "cannot read missing.pl"),
+        (["--property", "missing.pl"], "cannot read the rule file missing.pl"),
+        (["missing.pl"], "cannot read the rule file missing.pl"),
         (["--vehicles", "-1"], "--vehicles"),
         (["--out", "."], ". exists; name a new folder"),
     ],

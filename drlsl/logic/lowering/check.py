@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from drlsl.logic.engine import Engine
+from drlsl.logic.goals import GOAL_ARGUMENTS
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.lowering.arrays import ArrayPrinter
 from drlsl.logic.lowering.errors import NotLowerable
@@ -17,28 +17,6 @@ from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import subsumes, term_variables
 
 Indicator = tuple[str, int]
-
-# The arguments of control constructs and builtins that are goals, with what is called behind them.
-_GOALS: Final[dict[Indicator, tuple[int, ...]]] = {
-    (",", 2): (0, 1),
-    (";", 2): (0, 1),
-    ("|", 2): (0, 1),
-    ("->", 2): (0, 1),
-    ("*->", 2): (0, 1),
-    ("\\+", 1): (0,),
-    ("not", 1): (0,),
-    ("once", 1): (0,),
-    ("ignore", 1): (0,),
-    ("call", 1): (0,),
-    ("forall", 2): (0, 1),
-    ("findall", 3): (1,),
-    ("findall", 4): (1,),
-    ("bagof", 3): (1,),
-    ("setof", 3): (1,),
-    ("aggregate_all", 3): (1,),
-    ("aggregate_all", 4): (2,),
-    ("catch", 3): (0, 2),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +122,7 @@ def _goals(body: Term) -> Iterator[tuple[Indicator, Term]]:
     elif isinstance(body, Struct):
         key = (body.name, len(body.args))
         yield key, body
-        for place in _GOALS.get(key, ()):
+        for place in GOAL_ARGUMENTS.get(key, ()):
             yield from _goals(_without_carets(body.args[place]))
         if body.name == "call" and len(body.args) > 1:
             called = deref(body.args[0])
@@ -170,7 +148,7 @@ def _undefined(engine: Engine, schema: Schema, clause: Clause) -> Iterator[Findi
         known = (
             engine.program.find(name, arity) is not None
             or (name, arity) in schema.relations
-            or (name, arity) in _GOALS
+            or (name, arity) in GOAL_ARGUMENTS
             or name in ("!", "call")
             or builtin(name, arity) is not None
             or library().find(name, arity) is not None
