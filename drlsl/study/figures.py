@@ -1,17 +1,20 @@
 """The study's training figures: every method's reward per episode, with a band over seeds."""
 
 import io
-from collections.abc import Mapping
-from typing import Final
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from drlsl.learning.figures import FIGURES, moving_average
 from drlsl.study.results import Results
 from drlsl.study.statistics import convergence_window, interquartile_mean
+from drlsl.study.tables import rows_of, sweep_rows
 
 COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Told apart by people who do not see red or green. Source: Okabe and Ito, "Color universal design", 2008."""
@@ -20,11 +23,40 @@ STYLES: Final[tuple[str | tuple[int, tuple[int, ...]], ...]] = ("-", "--", "-.",
 """Told apart without colour, in print."""
 
 
+PANELS: Final = 2
+"""Sweeps beside each other."""
+
+
 def training_figures(results: Results) -> Mapping[str, bytes]:
     """The paper's five figures as PNG, by file name without its ending."""
     if results.training.empty:
         return {}
     return {stem: _figure(results, column, title) for stem, (column, title) in FIGURES.items()}
+
+
+def sweep_figure(results: Results) -> bytes:
+    """Contacts at fault against the strength of each setting, shield on, as PNG: a panel for each sweep."""
+    sweeps = results.study.sweeps
+    rows = math.ceil(len(sweeps) / PANELS)
+    figure = Figure(figsize=(8.0, 0.6 + 2.6 * rows), layout="constrained")
+    panels = figure.subplots(rows, min(PANELS, len(sweeps)), squeeze=False, sharey=True)
+    for axes, (sweep, config) in zip(panels.flat, sweeps.items(), strict=False):
+        found = rows_of(sweep_rows(results, sweep), shield="on")
+        found = found.assign(share=100 * found["contacts_at_fault"] / found["episodes"])
+        for index, (name, method) in enumerate(results.study.methods.items()):
+            runs = rows_of(found, method=name).groupby("value")["share"].agg(["min", "mean", "max"])
+            look = _look(index)
+            axes.fill_between(
+                runs.index, runs["min"], runs["max"], color=look["color"], alpha=0.18, linewidth=0
+            )
+            axes.plot(runs.index, runs["mean"], marker="o", markersize=3, label=method.label, **look)
+        axes.set(xlabel=config.label)
+        axes.grid(alpha=0.3)
+    for axes in panels[:, 0]:
+        axes.set(ylabel="At fault in 100 episodes")
+    for axes in panels.flat[len(sweeps) :]:
+        axes.remove()
+    return _png(figure, *panels.flat[0].get_legend_handles_labels())
 
 
 def _figure(results: Results, column: str, title: str) -> bytes:
@@ -36,8 +68,12 @@ def _figure(results: Results, column: str, title: str) -> bytes:
             _draw(axes, found, column, method.label, index)
     axes.set(xlabel="Episode", ylabel=title)
     axes.grid(alpha=0.3)
-    # Below the axes, for more methods than fit beside the curves.
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize="small")
+    return _png(figure, *axes.get_legend_handles_labels())
+
+
+def _png(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> bytes:
+    """The figure with its legend below, for more methods than fit beside the curves."""
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     buffer = io.BytesIO()
     # Without the writer's name and version in it, the same curves are the same file.
     figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
@@ -49,12 +85,15 @@ def _draw(axes: Axes, found: pd.DataFrame, column: str, label: str, index: int) 
     runs = [np.asarray(run[column], np.float64) for _, run in found.groupby("seed")]
     curves = np.array([moving_average(rewards, window) for rewards in runs])
     episodes = np.arange(1, curves.shape[1] + 1)
-    colour = COLOURS[index % len(COLOURS)]
-    style = STYLES[(index + index // len(COLOURS)) % len(STYLES)]
+    look = _look(index)
     if len(curves) > 1:
         axes.fill_between(
-            episodes, curves.min(axis=0), curves.max(axis=0), color=colour, alpha=0.18, linewidth=0
+            episodes, curves.min(axis=0), curves.max(axis=0), color=look["color"], alpha=0.18, linewidth=0
         )
-    axes.plot(
-        episodes, interquartile_mean(curves.T), color=colour, linestyle=style, linewidth=1.6, label=label
-    )
+    axes.plot(episodes, interquartile_mean(curves.T), label=label, **look)
+
+
+def _look(index: int) -> dict[str, Any]:
+    """Colour and line of a method, by its place in the study."""
+    style = STYLES[(index + index // len(COLOURS)) % len(STYLES)]
+    return {"color": COLOURS[index % len(COLOURS)], "linestyle": style, "linewidth": 1.6}

@@ -41,7 +41,7 @@ class StudyFolder:
 
     @classmethod
     def prepare(cls, root: Path, study: StudyConfig, inputs: Mapping[str, Any]) -> Self:
-        """Make the folder, or go on with the study that is in it, perhaps with more seeds, methods or tests.
+        """Make the folder, or go on with the study in it, perhaps with more seeds, methods, tests or sweeps.
 
         `inputs` holds the command, and digests of all that the results depend on beside the settings, which
         must be what they were.
@@ -182,8 +182,8 @@ def _inputs_to_go_on_with(root: Path, study: StudyConfig, inputs: Mapping[str, A
     before = StudyFolder.open(root)
     if not study.extends(before.study):
         raise UserError(
-            f"{root}: holds another study (see {STUDY} there); seeds, methods and tests can be added to it, "
-            "anything else needs another --out"
+            f"{root}: holds another study (see {STUDY} there); seeds, methods, tests and sweeps can be added "
+            "to it, anything else needs another --out"
         )
     known = before.inputs
     for name, value in known["digests"].items():

@@ -51,6 +51,17 @@ class ScenarioConfig(_Section):
     paper: PaperTest | None = Field(default=None, description="The paper's scenario to compare with.")
 
 
+class SweepConfig(_Section):
+    """A setting of the environment, a sensing fault say, in several strengths on top of one of the tests."""
+
+    label: str = Field(min_length=1, description="What the report calls the setting, with its unit.")
+    test: Name = Field(
+        description="The test whose traffic it is; its result stands for the setting as it is."
+    )
+    setting: str = Field(description="Key under env, such as sensing.latency.")
+    values: tuple[float, ...] = Field(min_length=1, description="What the setting is changed to.")
+
+
 class StudyConfig(_Section):
     """Everything that decides what a study reports."""
 
@@ -61,6 +72,9 @@ class StudyConfig(_Section):
     )
     methods: dict[Name, MethodConfig] = Field(min_length=1, description="What is compared, by name.")
     tests: dict[Name, ScenarioConfig] = Field(min_length=1, description="What they are tested in, by name.")
+    sweeps: dict[Name, SweepConfig] = Field(
+        default_factory=dict, description="Settings whose strength is varied in a test, by name."
+    )
     evaluation_episodes: int = Field(
         default=50, ge=1, le=100_000, description="Episodes of each test, with the shield and without."
     )
@@ -76,6 +90,23 @@ class StudyConfig(_Section):
                 raise ValueError(str(error)) from error
         return self
 
+    @model_validator(mode="after")
+    def _sweeps_are_valid(self) -> Self:
+        for name, sweep in self.sweeps.items():
+            if name in self.tests:
+                raise ValueError(f"sweep {name}: there is a test of that name")
+            if sweep.test not in self.tests:
+                raise ValueError(f"sweep {name}: no test '{sweep.test}'; there are {', '.join(self.tests)}")
+            try:
+                self.sweep_envs(self.runs[0], name)
+            except ValidationError as error:
+                problem = error.errors()[0]
+                raise ValueError(f"sweep {name}: env.{sweep.setting}: {problem['msg']}") from error
+            known = self.trained_value(name)
+            if known in sweep.values:
+                raise ValueError(f"sweep {name}: {known:g} is what test '{sweep.test}' has; leave it out")
+        return self
+
     @property
     def runs(self) -> list["Run"]:
         """Every training, seed by seed, so that an interrupted study has compared what it has."""
@@ -83,8 +114,8 @@ class StudyConfig(_Section):
 
     @property
     def tasks(self) -> list["Task"]:
-        """Every training, each followed by its tests."""
-        return [Task(run, test) for run in self.runs for test in (None, *self.tests)]
+        """Every training, each followed by its tests and sweeps."""
+        return [Task(run, test) for run in self.runs for test in (None, *self.tests, *self.sweeps)]
 
     def training(self, run: "Run") -> TrainConfig:
         """The configuration of a training.
@@ -103,14 +134,32 @@ class StudyConfig(_Section):
         changes = {"recording": scenario.recording, "direction": scenario.direction}
         return EnvConfig.model_validate(env.model_dump() | changes)
 
+    def sweep_envs(self, run: "Run", sweep: str) -> dict[float, EnvConfig]:
+        """The environments of a sweep, by the value of its setting; all else is as in its test."""
+        config = self.sweeps[sweep]
+        values = self.test_env(run, config.test).model_dump()
+        return {
+            value: EnvConfig.model_validate(merged(values, _nested(config.setting, value)))
+            for value in config.values
+        }
+
+    def trained_value(self, sweep: str) -> float:
+        """What the setting of a sweep is in its test, and was in the training."""
+        config = self.sweeps[sweep]
+        value: Any = self.test_env(self.runs[0], config.test).model_dump()
+        for key in config.setting.split("."):
+            value = value[key]
+        return float(value)
+
     def extends(self, other: "StudyConfig") -> bool:
-        """Whether this is the other study, or that with more seeds, methods or tests."""
+        """Whether this is the other study, or that with more seeds, methods, tests or sweeps."""
         same = {"preset", "train", "evaluation_episodes"}
         return (
             self.model_dump(include=same) == other.model_dump(include=same)
             and self.seeds >= other.seeds
             and _holds(self.methods, other.methods)
             and _holds(self.tests, other.tests)
+            and _holds(self.sweeps, other.sweeps)
         )
 
 
@@ -129,7 +178,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A piece of work that one process does: a training, or the policy of one in a test."""
+    """A piece of work that one process does: a training, or the policy of one in a test or a sweep."""
 
     run: Run
     test: str | None = None
@@ -244,6 +293,12 @@ def _absolute(path: str) -> str:
     """A path that means the same in every folder; the name of a bundled recording stays."""
     stem, mark, part = path.partition("#")
     return f"{Path(stem).resolve()}{mark}{part}" if Path(stem).exists() else path
+
+
+def _nested(key: str, value: float) -> dict[str, Any]:
+    """A value where its dotted key says."""
+    first, _, rest = key.partition(".")
+    return {first: _nested(rest, value) if rest else value}
 
 
 def _holds(mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:

@@ -1,6 +1,6 @@
 """The report of a study: every number in it comes from the tables that are written beside it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +10,7 @@ from drlsl.learning.checkpoint import write_atomic
 from drlsl.learning.figures import FIGURES
 from drlsl.study import statistics, tables
 from drlsl.study.claims import agreement, claims
-from drlsl.study.figures import training_figures
+from drlsl.study.figures import sweep_figure, training_figures
 from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import StudyConfig, dump_study, make_study
 from drlsl.study.render import Block, Heading, Listing, Paragraph, Picture, markdown, page
@@ -30,16 +30,14 @@ def write_report(folder: StudyFolder) -> Path:
     Raises:
         UserError: a result is damaged, or a file cannot be written.
     """
-    results = collect(folder)
-    figures = training_figures(results)
-    blocks = list(_blocks(results, figures))
+    blocks = list(_blocks(collect(folder)))
     out = folder.report
     (out / "figures").mkdir(parents=True, exist_ok=True)
     (out / "tables").mkdir(exist_ok=True)
-    for stem, png in figures.items():
-        write_atomic(out / "figures" / f"{stem}.png", png)
     for block in blocks:
-        if isinstance(block, Table):
+        if isinstance(block, Picture):
+            write_atomic(out / block.path, block.png)
+        elif isinstance(block, Table):
             text = block.frame.to_csv(index=False, lineterminator="\n")
             write_atomic(out / "tables" / f"{block.stem}.csv", text.encode())
     write_atomic(out / "report.md", markdown(blocks).encode())
@@ -47,14 +45,15 @@ def write_report(folder: StudyFolder) -> Path:
     return out
 
 
-def _blocks(results: Results, figures: Mapping[str, bytes]) -> Iterator[Block]:
+def _blocks(results: Results) -> Iterator[Block]:
     yield Heading(1, TITLE)
     yield from _summary(results)
     yield from _table_1(results)
-    yield from _training(results, figures)
+    yield from _training(results)
     yield from _over_seeds(results)
     yield from _contacts(results)
     yield from _interventions(results)
+    yield from _sweeps(results)
     yield from _failures(results)
     yield from _making(results)
     yield Heading(2, WALL_TIME)
@@ -110,10 +109,10 @@ def _table_1(results: Results) -> Iterator[Block]:
         yield tables.table_1(results, test, "on")
 
 
-def _training(results: Results, figures: Mapping[str, bytes]) -> Iterator[Block]:
+def _training(results: Results) -> Iterator[Block]:
     yield Heading(2, "Training")
     yield tables.training(results)
-    for stem, png in figures.items():
+    for stem, png in training_figures(results).items():
         title = FIGURES[stem][1]
         caption = (
             f"{title} per episode: moving average over a fifteenth of the training, interquartile mean "
@@ -174,6 +173,25 @@ def _interventions(results: Results) -> Iterator[Block]:
         "policy has taken in."
     )
     yield tables.interventions(results)
+
+
+def _sweeps(results: Results) -> Iterator[Block]:
+    study = results.study
+    if not study.sweeps or results.sweeps.empty:
+        return
+    yield Heading(2, "Contacts at fault against the strength of sensing faults and other settings")
+    tests = ", ".join(dict.fromkeys(study.tests[sweep.test].label for sweep in study.sweeps.values()))
+    yield Paragraph(
+        f"The same policies in the same episodes ({tests}), with one setting changed at a time. Of all "
+        "seeds together, episodes that ended in a contact at fault."
+    )
+    caption = (
+        "Contacts at fault against each setting, shield on: mean over seeds; the band reaches from the "
+        "lowest seed to the highest."
+    )
+    yield Picture("figures/sweeps.png", caption, sweep_figure(results))
+    yield tables.sweeps(results, "on")
+    yield tables.sweeps(results, "off")
 
 
 def _failures(results: Results) -> Iterator[Block]:

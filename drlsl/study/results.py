@@ -18,6 +18,7 @@ EXCUSES = [verdict.value for verdict in Verdict if verdict is not Verdict.AT_FAU
 TRAINING_COLUMNS = ["method", "seed", *METRIC_COLUMNS]
 _TOTALS = [field.name for field in dataclasses.fields(Totals) if field.name != "episodes"]
 TEST_COLUMNS = ["method", "seed", "test", "shield", "episodes", *_TOTALS, *EXCUSES, "wall_s"]
+SWEEP_COLUMNS = [*TEST_COLUMNS, "value"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,8 @@ class Results:
     """The metrics of every finished training, with the columns `method` and `seed`."""
     tests: pd.DataFrame
     """One row for each method, seed, test and state of the shield, with the columns of `Totals`."""
+    sweeps: pd.DataFrame
+    """The same for each value of each sweep, which stands in the column `test`."""
     attempts: dict[Task, list[Failure]]
     """The attempts that failed."""
     missing: list[Task]
@@ -48,6 +51,8 @@ def collect(folder: StudyFolder) -> Results:
     made = {task: folder.result(task) for task in done}
     trainings = [_training(folder, task) for task in done if task.test is None]
     rows = [row for task in done if task.test is not None for row in _test(task, made[task])]
+    tests = [row for row in rows if row["test"] in folder.study.tests]
+    sweeps = [row for row in rows if row["test"] in folder.study.sweeps]
     makers: list[dict[str, Any]] = []
     for result in made.values():
         maker = {key: result[key] for key in ("machine", "python", "packages")}
@@ -58,7 +63,8 @@ def collect(folder: StudyFolder) -> Results:
         training=pd.concat(trainings, ignore_index=True)
         if trainings
         else pd.DataFrame(columns=TRAINING_COLUMNS),
-        tests=pd.DataFrame(rows, columns=TEST_COLUMNS),
+        tests=pd.DataFrame(tests, columns=TEST_COLUMNS),
+        sweeps=pd.DataFrame(sweeps, columns=SWEEP_COLUMNS),
         attempts={task: found for task in folder.study.tasks if (found := folder.failures(task))},
         missing=[task for task in folder.study.tasks if task not in made],
         inputs=folder.inputs,
@@ -87,6 +93,7 @@ def _test(task: Task, result: dict[str, Any]) -> list[dict[str, Any]]:
                 **record["totals"],
                 **{reason: reasons.count(reason) for reason in EXCUSES},
                 "wall_s": result["wall_s"] / len(result["evaluations"]),
+                "value": record.get("value"),
             }
         )
     return rows

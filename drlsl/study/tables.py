@@ -1,6 +1,6 @@
 """The tables of the report: each a frame of plain numbers, and how that is shown."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +41,10 @@ MEASURES: Mapping[str, tuple[str, Callable[[pd.DataFrame], "pd.Series[float]"], 
 
 COMPARABLE = ("lane_changes", "contacts_at_fault", "off_road", "interventions")
 """Measures that mean the same in every test; returns and steps depend on its frame rate."""
+
+
+COUNTED = ("episodes", "contacts_at_fault", "contacts_not_at_fault", "off_road")
+"""What is counted for every value of a sweep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +191,38 @@ def estimates(results: Results, shield: ShieldState) -> Table:
     )
 
 
+def sweep_rows(results: Results, sweep: str) -> pd.DataFrame:
+    """The results of a sweep, with those of its test for the value that it was trained with."""
+    test, value = results.study.sweeps[sweep].test, results.study.trained_value(sweep)
+    frames = [rows_of(results.tests, test=test).assign(value=value), rows_of(results.sweeps, test=sweep)]
+    return pd.concat([frame for frame in frames if len(frame)] or frames[1:], ignore_index=True)
+
+
+def sweeps(results: Results, shield: ShieldState) -> Table:
+    """Contacts at fault against the strength of each setting, summed over seeds."""
+    rows, cells = [], []
+    for sweep, config in results.study.sweeps.items():
+        found = rows_of(sweep_rows(results, sweep), shield=shield)
+        for value in sorted({results.study.trained_value(sweep), *config.values}):
+            cell: dict[str, object] = {"setting": config.label, "value": f"{value:g}"}
+            for name, method in results.study.methods.items():
+                here = rows_of(found, method=name, value=value)
+                counts = {key: int(here[key].sum()) for key in COUNTED}
+                rows.append({"sweep": sweep, "value": value, "method": name, **counts})
+                contacts_of = f"{counts['contacts_at_fault']} of {counts['episodes']}"
+                cell[method.label] = contacts_of if counts["episodes"] else NONE
+            cells.append(cell)
+    return Table(
+        f"sweeps_shield_{shield}",
+        f"Contacts at fault, shield {shield}",
+        pd.DataFrame(rows),
+        pd.DataFrame(cells),
+    )
+
+
 def wall_time(results: Results) -> Table:
     """What a seed of each method took, in minutes of the machine's time."""
+    tested = pd.concat([results.tests[["method", "wall_s"]], results.sweeps[["method", "wall_s"]]])
     rows = []
     for name in results.study.methods:
         seeds = max(1, len(seeds_of(results, name)))
@@ -196,7 +230,7 @@ def wall_time(results: Results) -> Table:
             {
                 "method": name,
                 "training [min]": float(rows_of(results.training, method=name)["wall_s"].sum()) / seeds / 60,
-                "tests [min]": float(rows_of(results.tests, method=name)["wall_s"].sum()) / seeds / 60,
+                "tests [min]": float(rows_of(tested, method=name)["wall_s"].sum()) / seeds / 60,
             }
         )
     frame = pd.DataFrame(rows)
@@ -294,19 +328,3 @@ def _cell(value: object, form: str) -> str:
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return NONE
     return str(value) if isinstance(value, int | np.integer) else format(value, form)
-
-
-def all_tables(results: Results) -> Sequence[Table]:
-    """Every table, in the report's order."""
-    tests = list(results.study.tests)
-    return [
-        *(table_1(results, test, "off") for test in tests),
-        *(table_1(results, test, "on") for test in tests),
-        training(results),
-        convergence(results),
-        estimates(results, "off"),
-        estimates(results, "on"),
-        contacts(results),
-        interventions(results),
-        wall_time(results),
-    ]

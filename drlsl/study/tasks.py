@@ -1,7 +1,7 @@
 """What a process does for a study: train, or drive a trained policy through a test."""
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -15,7 +15,7 @@ from drlsl.learning.rundir import CHECKPOINT
 from drlsl.learning.session import Session, load_policy
 from drlsl.study.folder import StudyFolder, digest
 from drlsl.study.machine import processors
-from drlsl.study.plan import StudyConfig, Task
+from drlsl.study.plan import Run, StudyConfig, Task
 from drlsl.traffic.sources import find_source
 
 Stop = Callable[[], bool]
@@ -77,21 +77,36 @@ def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
 
 
 def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
-    run, episodes = folder.run(task.run), folder.study.evaluation_episodes
-    config = folder.study.test_env(task.run, test)
-    env = make_evaluation_env(config)
-    policy = load_policy(run, env)
+    """Drive a policy through a test, or through a sweep, whose records have the value of its setting."""
+    study = folder.study
+    envs: list[tuple[dict[str, float], EnvConfig]]
+    if test in study.sweeps:
+        envs = [({"value": value}, env) for value, env in study.sweep_envs(task.run, test).items()]
+    else:
+        envs = [({}, study.test_env(task.run, test))]
     records = []
     started = perf_counter()
+    for setting, config in envs:
+        for record in _evaluations(folder, task.run, config, stop):
+            records.append({**setting, **record})
+        if stop():
+            return
+    folder.finish(task, {**_maker(), "wall_s": perf_counter() - started, "evaluations": records})
+
+
+def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -> Iterator[dict[str, Any]]:
+    """The records of a policy in one environment, shield off and on; ends early once asked to stop."""
+    env = make_evaluation_env(config)
+    policy = load_policy(folder.run(run), env)
     for shield in SHIELDS:
         summaries = []
-        for summary in drive(env, policy, shield=shield, episodes=episodes, seed=task.run.seed):
+        for summary in drive(
+            env, policy, shield=shield, episodes=folder.study.evaluation_episodes, seed=run.seed
+        ):
             summaries.append(summary)
             if stop():
                 return
-        env_config = config.model_dump(mode="json")
-        records.append(as_record(summaries, env=env_config, shield=shield, seed=task.run.seed))
-    folder.finish(task, {**_maker(), "wall_s": perf_counter() - started, "evaluations": records})
+        yield as_record(summaries, env=config.model_dump(mode="json"), shield=shield, seed=run.seed)
 
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:

@@ -47,6 +47,14 @@ def study(seeds: int = 2, methods: int = 2, episodes: int = 12) -> StudyConfig:
                 },
                 "freeway": {"label": "freeway", "recording": "freeway"},
             },
+            "sweeps": {
+                "latency": {
+                    "label": "latency [s]",
+                    "test": "freeway",
+                    "setting": "sensing.latency",
+                    "values": [0.5, 1],
+                },
+            },
             "evaluation_episodes": 3,
         },
         "test",
@@ -103,16 +111,16 @@ def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
 def _evaluate(folder: StudyFolder, task: Task) -> None:
     assert task.test is not None
     time.sleep(float(os.environ.get(PAUSE, "0")))
-    env = folder.study.test_env(task.run, task.test).model_dump(mode="json")
-    records = [
-        as_record(
-            [_summary(task, number, shield) for number in range(folder.study.evaluation_episodes)],
-            env=env,
-            shield=shield,
-            seed=task.run.seed,
-        )
-        for shield in SHIELDS
-    ]
+    study = folder.study
+    values: list[dict[str, float]] = [{}]
+    if task.test in study.sweeps:
+        values = [{"value": value} for value in study.sweeps[task.test].values]
+    records = []
+    for value in values:
+        for shield in SHIELDS:
+            told = f"{shield}{value or ''}"
+            summaries = [_summary(task, number, told) for number in range(study.evaluation_episodes)]
+            records.append({**value, **as_record(summaries, env={}, shield=shield, seed=task.run.seed)})
     made = {"machine": "2 cores", "python": "3", "packages": {"drlsl": "1"}}
     folder.finish(task, {**made, "wall_s": 1.5, "evaluations": records})
 

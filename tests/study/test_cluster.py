@@ -72,7 +72,7 @@ def test_a_stopped_study_goes_on_in_processes_of_this_machine(
     for progress in work(folder, RayWorkers(folder, perform, cluster.address), begun):
         assert progress.failure is None
     assert not all(map(folder.is_done, folder.study.tasks))
-    assert list(work(folder, LocalWorkers(folder, perform, 2)))[-1].done == 12
+    assert list(work(folder, LocalWorkers(folder, perform, 2)))[-1].done == 16
 
 
 def test_the_nodes_of_a_cluster_do_real_work(cluster: Any, tmp_path: Path) -> None:

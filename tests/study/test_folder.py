@@ -23,7 +23,7 @@ def test_a_study_grows_and_keeps_what_it_has(folder: StudyFolder) -> None:
     with_more = {"command": "drlsl study --seeds 2", "digests": {**INPUTS["digests"], "rules/paper.pl": "d"}}
     grown = StudyFolder.prepare(folder.root, study(2, 2), with_more)
     assert grown.is_done(Task(Run("m0", 0)))
-    assert len(grown.study.tasks) == 12
+    assert len(grown.study.tasks) == 16
     assert grown.inputs == with_more
     assert StudyFolder.open(folder.root).study == study(2, 2)
 

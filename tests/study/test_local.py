@@ -36,7 +36,7 @@ def test_every_task_is_done_once_and_after_what_it_needs(folder: StudyFolder) ->
     for task in folder.study.tasks:
         if task.needs:
             assert done.index(task.needs.name) < done.index(task.name)
-    assert work_off(folder).done == 12
+    assert work_off(folder).done == 16
     assert attempts(folder) == done
 
 
@@ -52,7 +52,7 @@ def test_a_failed_task_is_tried_once_more_and_then_given_up(folder: StudyFolder)
         tell_to_fail(folder.root, name, how, times)
     last = work_off(folder)
     # The tests of m0-seed1 are given up with it.
-    assert (last.done, last.given_up) == (8, 4)
+    assert (last.done, last.given_up) == (11, 5)
     for task in folder.study.tasks:
         failures = folder.failures(task)
         _, times, summary = told.get(task.name, ("", 0, ""))
@@ -62,7 +62,7 @@ def test_a_failed_task_is_tried_once_more_and_then_given_up(folder: StudyFolder)
         )
     assert "Traceback" in folder.failures(TRAINING)[0].log
     before = attempts(folder)
-    assert work_off(folder).given_up == 4
+    assert work_off(folder).given_up == 5
     assert attempts(folder) == before
 
 
@@ -73,7 +73,7 @@ def test_failures_before_an_interruption_count(folder: StudyFolder) -> None:
         if progress.failure:
             break
     assert len(folder.failures(TRAINING)) == 1
-    assert work_off(folder).given_up == 3
+    assert work_off(folder).given_up == 4
     assert len(folder.failures(TRAINING)) == 2
 
 
@@ -88,4 +88,4 @@ def test_being_stopped_is_no_failure(folder: StudyFolder, monkeypatch: pytest.Mo
         assert progress.failure is None
     assert not all(map(folder.is_done, folder.study.tasks))
     monkeypatch.setenv(PAUSE, "0")
-    assert work_off(folder).done == 12
+    assert work_off(folder).done == 16

@@ -20,6 +20,8 @@ from drlsl.study.plan import (
 
 from .fake import study
 
+SWEEP = {"label": "latency [s]", "test": "freeway", "setting": "sensing.latency", "values": [0.5]}
+
 
 @pytest.mark.parametrize("name", study_presets())
 def test_presets_are_what_the_paper_compares(name: str) -> None:
@@ -53,7 +55,7 @@ def test_the_full_preset_has_every_combination_once() -> None:
 
 def test_tasks_follow_what_they_need() -> None:
     tasks = study(seeds=2, methods=3).tasks
-    assert len(tasks) == 2 * 3 * (1 + 2)
+    assert len(tasks) == 2 * 3 * (1 + 2 + 1)
     assert len({task.name for task in tasks}) == len(tasks)
     for place, task in enumerate(tasks):
         assert task.needs is None or task.needs in tasks[:place]
@@ -67,6 +69,29 @@ def test_a_policy_is_tested_as_it_was_trained_in_other_traffic() -> None:
         assert (tested.recording, tested.direction) == ("highway-test", "right_to_left")
         same = {"recording", "direction"}
         assert tested.model_dump(exclude=same) == trained.model_dump(exclude=same)
+
+
+def test_a_sweep_changes_one_setting_of_its_test() -> None:
+    preset = preset_study("paper")
+    for run in preset.runs[:4]:
+        for name, sweep in preset.sweeps.items():
+            plain = preset.test_env(run, sweep.test).model_dump()
+            envs = preset.sweep_envs(run, name)
+            assert tuple(envs) == sweep.values
+            for value, env in envs.items():
+                changed = env.model_dump()
+                (_, field) = sweep.setting.split(".")
+                assert changed["sensing"].pop(field) == value
+                del plain["sensing"][field]
+                assert changed == plain
+                plain["sensing"][field] = 0.0
+            assert preset.trained_value(name) == 0.0
+
+
+def test_every_sensing_fault_has_a_sweep() -> None:
+    for preset in (preset_study("paper"), preset_study("full")):
+        faults = {sweep.setting.removeprefix("sensing.") for sweep in preset.sweeps.values()}
+        assert faults == {"position_noise", "speed_noise", "drop_rate", "latency"}
 
 
 @pytest.mark.parametrize("name", study_presets())
@@ -116,6 +141,17 @@ def test_a_test_is_not_replaced(tmp_path: Path) -> None:
         ({"methods": {"a": {"label": "x", "train": {"episodse": 1}}}}, "method a: unknown key 'episodse'"),
         ({"methods": {"a": {"label": "x", "paper": "SAC"}}}, "methods.a.paper"),
         ({"tests": {}}, "tests"),
+        ({"sweeps": {"freeway": SWEEP}}, "sweep freeway: there is a test of that name"),
+        (
+            {"sweeps": {"s": {**SWEEP, "test": "gone"}}},
+            "sweep s: no test 'gone'; there are left-to-right, fre",
+        ),
+        ({"sweeps": {"s": {**SWEEP, "setting": "sensing.age"}}}, "sweep s: env.sensing.age: Extra inputs"),
+        ({"sweeps": {"s": {**SWEEP, "values": [9.0]}}}, "sweep s: env.sensing.latency: .*less than or equal"),
+        (
+            {"sweeps": {"s": {**SWEEP, "values": [0.0]}}},
+            "sweep s: 0 is what test 'freeway' has; leave it out",
+        ),
     ],
 )
 def test_what_is_no_study_is_refused(change: dict[str, object], told: str) -> None:
@@ -129,6 +165,9 @@ def test_what_extends_a_study() -> None:
     assert small.extends(small)
     assert not small.extends(large)
     assert not study(episodes=13).extends(study(episodes=12))
+    without = make_study({**large.model_dump(mode="json"), "sweeps": {}}, "test")
+    assert large.extends(without)
+    assert not without.extends(large)
 
 
 def test_the_papers_table_is_whole() -> None:

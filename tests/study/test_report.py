@@ -14,7 +14,16 @@ from drlsl.study.plan import Run, Task
 from drlsl.study.render import Paragraph, markdown, page
 from drlsl.study.report import write_report
 from drlsl.study.results import Results, collect
-from drlsl.study.tables import Table, contacts, convergence, estimates, interventions, table_1, training
+from drlsl.study.tables import (
+    Table,
+    contacts,
+    convergence,
+    estimates,
+    interventions,
+    sweeps,
+    table_1,
+    training,
+)
 
 from .fake import INPUTS, perform, study
 
@@ -35,13 +44,16 @@ def results(folder: StudyFolder) -> Results:
     return collect(folder)
 
 
-def episodes_of(folder: StudyFolder, method: str, test: str, shield: str) -> pd.DataFrame:
+def episodes_of(
+    folder: StudyFolder, method: str, test: str, shield: str, value: float | None = None
+) -> pd.DataFrame:
     """Every episode of a test, from the records."""
     rows = []
     for run in folder.study.runs:
         task = Task(run, test)
         if run.method == method and folder.is_done(task):
-            (record,) = [one for one in folder.result(task)["evaluations"] if one["shield"] == shield]
+            records = folder.result(task)["evaluations"]
+            (record,) = [one for one in records if (one["shield"], one.get("value")) == (shield, value)]
             rows += [{**episode, "seed": run.seed} for episode in record["per_episode"]]
     return pd.DataFrame(rows)
 
@@ -82,6 +94,23 @@ def test_contacts_add_up(folder: StudyFolder, results: Results) -> None:
         assert row["completed"] == (~found["contact"]).sum()
         assert row["contacts_at_fault"] == reasons.get("at_fault", 0)
         assert row["cut_off"] == reasons.get("cut_off", 0)
+
+
+def test_sweeps_stand_beside_their_test(folder: StudyFolder, results: Results) -> None:
+    frame = sweeps(results, "on").frame.set_index(["value", "method"])
+    assert sorted(set(frame.index.get_level_values("value"))) == [0.0, 0.5, 1.0]
+    for method in folder.study.methods:
+        plain = episodes_of(folder, method, "freeway", "on")
+        assert frame.loc[(0.0, method), "episodes"] == len(plain)
+        assert frame.loc[(0.0, method), "contacts_at_fault"] == (plain["contact"] & plain["at_fault"]).sum()
+        for value in (0.5, 1.0):
+            found = episodes_of(folder, method, "latency", "on", value)
+            at_fault = int((found["contact"] & found["at_fault"]).sum())
+            assert frame.loc[(value, method), "contacts_at_fault"] == at_fault
+            assert frame.loc[(value, method), "episodes"] == len(found) == 12
+            shown = sweeps(results, "on").shown.set_index("value")
+            assert shown.loc[f"{value:g}", folder.study.methods[method].label] == f"{at_fault} of 12"
+    assert not results.tests["test"].isin(["latency"]).any()
 
 
 def test_the_training_table_is_the_metrics(folder: StudyFolder, results: Results) -> None:
@@ -135,7 +164,7 @@ def test_a_claim_without_results_is_open(folder: StudyFolder, tmp_path: Path) ->
     empty = StudyFolder.prepare(tmp_path / "empty", folder.study, INPUTS)
     assert {claim.holds for claim in claims(collect(empty))} == {None}
     text = (write_report(empty) / "report.md").read_text()
-    assert "36 of 36 runs have no result" in text
+    assert "48 of 48 runs have no result" in text
     assert "| no result |" in text
 
 
@@ -193,16 +222,16 @@ def test_the_report_is_whole_and_the_same_every_time(folder: StudyFolder) -> Non
     write_report(folder)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
     text = (out / "report.md").read_text()
-    assert "1 of 36 runs have no result and are in no number below: m2-seed3.freeway" in text
+    assert "1 of 48 runs have no result and are in no number below: m2-seed3.freeway" in text
     assert "- m0-seed1: out of memory; then done" in text
     assert "rules/highway.pl" in text
     for figure in re.findall(r"\]\((figures/\w+\.png)\)", text):
         assert (out / figure).read_bytes().startswith(b"\x89PNG")
-    assert len(list((out / "figures").iterdir())) == 5
+    assert len(list((out / "figures").iterdir())) == 6
     found = Page()
     found.feed((out / "report.html").read_text())
     assert found.open == []
-    assert len(found.loads) == 5
+    assert len(found.loads) == 6
     assert all(load.startswith("data:image/png;base64,") for load in found.loads)
 
 

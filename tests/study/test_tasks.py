@@ -23,6 +23,14 @@ TINY = {
         },
     },
     "tests": {"freeway": {"label": "freeway", "recording": "freeway"}},
+    "sweeps": {
+        "blind": {
+            "label": "not seen",
+            "test": "freeway",
+            "setting": "sensing.drop_rate",
+            "values": [0.9, 0.99],
+        },
+    },
     "evaluation_episodes": 2,
 }
 
@@ -38,6 +46,8 @@ def test_a_tiny_study(tmp_path: Path) -> None:
     assert len(results.training) == 3 * 4
     assert len(results.tests) == 3 * 2
     assert (results.tests["episodes"] == 2).all()
+    assert len(results.sweeps) == 3 * 2 * 2
+    assert "| not seen | 0.99 |" in report
     assert run(arguments) == 0
     assert run(["study", "--out", str(out), "--report-only"]) == 0
     assert (out / "report" / "report.md").read_text() == report
