@@ -346,7 +346,21 @@ class Table(ABC):
 
     def look(self) -> None:
         """Look once whether all is as the schema says: `doubt` costs nothing then."""
-        self._is_sound = self._looks_sound()
+        self._is_sound = self.scenes == 0 or self._looks_sound()
+
+    def _looks_sound(self) -> bool:
+        """Whether a quick look already shows that all is as the schema says."""
+        relation = self._relation
+        for place, column in self._columns.items():
+            if not self._within(column, "float" if relation.columns[place] == "float" else "int"):
+                return False
+        if relation.key in self._columns and self.valid.shape[0] > 1:
+            keys = self._columns[relation.key]
+            if not (keys[1:] > keys[:-1]).all():
+                return False
+        if relation.single or relation.first is not None:
+            return self._always_there or bool(self.valid[0].all())
+        return True
 
     def doubt(self, undecided: Any) -> None:
         """Mark the scenes whose facts are not what the schema says."""
@@ -381,8 +395,8 @@ class Table(ABC):
         """A column with rows of zeros behind."""
 
     @abstractmethod
-    def _looks_sound(self) -> bool:
-        """Whether a quick look already shows that all is as the schema says."""
+    def _within(self, column: Any, kind: Kind) -> bool:
+        """Whether a quick look already shows that a column has no number that is too large, or none."""
 
     @abstractmethod
     def _repeats(self, keys: Any) -> Any:

@@ -112,23 +112,10 @@ class Table(BatchTable):
     def _gathered(self, column: Array, index: Array) -> Array:
         return column if column.shape[1] == 1 else column.take(index, axis=1)
 
-    def _looks_sound(self) -> bool:
-        relation = self._relation
-        if self.scenes == 0:
-            return True
-        for place, column in self._columns.items():
-            if relation.columns[place] == "float":
-                if not _sum_of_squares(column) <= self._bound**2:
-                    return False  # too large, or not a number
-            elif not -INT_BOUND <= column.min() <= column.max() <= INT_BOUND:
-                return False
-        if relation.key in self._columns and self.valid.shape[0] > 1:
-            keys = self._columns[relation.key]
-            if not (keys[1:] > keys[:-1]).all():
-                return False
-        if relation.single or relation.first is not None:
-            return self._always_there or bool(self.valid[0].all())
-        return True
+    def _within(self, column: Array, kind: Kind) -> bool:
+        if kind == "float":
+            return _sum_of_squares(column) <= self._bound**2
+        return bool(-INT_BOUND <= column.min() <= column.max() <= INT_BOUND)
 
     def _repeats(self, keys: Array) -> Mask:
         places = np.arange(keys.shape[0])[:, None]

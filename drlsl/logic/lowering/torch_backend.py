@@ -115,22 +115,10 @@ class TorchTable(Table):
     def _with_rows(self, column: Tensor, missing: int) -> Tensor:
         return torch.cat([column, column.new_zeros((missing, column.shape[1]))])
 
-    def _looks_sound(self) -> bool:
-        relation = self._relation
-        if self.scenes == 0:
-            return True
-        for place, column in self._columns.items():
-            bound = self._bound if relation.columns[place] == "float" else INT_BOUND
-            low, high = column.aminmax()
-            if not -bound <= low.item() <= high.item() <= bound:
-                return False  # too large, or not a number
-        if relation.key in self._columns and self.valid.shape[0] > 1:
-            keys = self._columns[relation.key]
-            if not (keys[1:] > keys[:-1]).all():
-                return False
-        if relation.single or relation.first is not None:
-            return self._always_there or bool(self.valid[0].all())
-        return True
+    def _within(self, column: Tensor, kind: Kind) -> bool:
+        bound = self._bound if kind == "float" else INT_BOUND
+        low, high = column.aminmax()
+        return bool(-bound <= low.item() <= high.item() <= bound)
 
     def _repeats(self, keys: Tensor) -> Tensor:
         places = torch.arange(keys.shape[0], device=keys.device)[:, None]
