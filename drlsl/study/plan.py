@@ -10,7 +10,16 @@ from typing import Annotated, Any, Literal, Self
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from drlsl.config import TrainConfig, make_config, merged, parse_yaml, preset_names, preset_values, read_yaml
+from drlsl.config import (
+    TrainConfig,
+    make_config,
+    merged,
+    parse_yaml,
+    preset_names,
+    preset_values,
+    read_yaml,
+    with_value,
+)
 from drlsl.driving.config import EnvConfig
 from drlsl.errors import UserError
 from drlsl.study.paper import PaperMethod, PaperTest
@@ -139,7 +148,7 @@ class StudyConfig(_Section):
         config = self.sweeps[sweep]
         values = self.test_env(run, config.test).model_dump()
         return {
-            value: EnvConfig.model_validate(merged(values, _nested(config.setting, value)))
+            value: EnvConfig.model_validate(with_value(values, config.setting, value))
             for value in config.values
         }
 
@@ -293,12 +302,6 @@ def _absolute(path: str) -> str:
     """A path that means the same in every folder; the name of a bundled recording stays."""
     stem, mark, part = path.partition("#")
     return f"{Path(stem).resolve()}{mark}{part}" if Path(stem).exists() else path
-
-
-def _nested(key: str, value: float) -> dict[str, Any]:
-    """A value where its dotted key says."""
-    first, _, rest = key.partition(".")
-    return {first: _nested(rest, value) if rest else value}
 
 
 def _holds(mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
