@@ -5,12 +5,17 @@ python scripts/results_page.py runs/paper
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
 BEGIN, END = "<!-- what follows is made by scripts/results_page.py -->", "<!-- end of what is made -->"
+COMMAND = re.compile(r"^drlsl study .*$", re.MULTILINE)
+FOLDERS = re.compile(r"(?<=\s)/(?:[^\s/]+/)+")
+"""The folders of an absolute path: no reader has this machine's."""
+
 FIRST = "# Results\n\n"
 
 
@@ -19,6 +24,7 @@ def page(report: str, before: str) -> str:
     above, _, rest = before.partition(BEGIN)
     below = rest.partition(END)[2]
     made = report.partition("\n")[2].replace("](figures/", "](results/").strip()
+    made = COMMAND.sub(lambda line: FOLDERS.sub("", line[0]), made)
     return f"{above or FIRST}{BEGIN}\n\n{made}\n\n{END}{below or chr(10)}"
 
 
