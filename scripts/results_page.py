@@ -12,7 +12,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
 BEGIN, END = "<!-- what follows is made by scripts/results_page.py -->", "<!-- end of what is made -->"
-COMMAND = re.compile(r"^drlsl study .*$", re.MULTILINE)
+COMMAND = re.compile(r"^ *drlsl study .*$", re.MULTILINE)
 FOLDERS = re.compile(r"(?<=\s)/(?:[^\s/]+/)+")
 """The folders of an absolute path: no reader has this machine's."""
 

@@ -19,7 +19,7 @@ def test_what_is_written_by_hand_stays() -> None:
 
 
 def test_the_command_has_no_folders_of_a_machine() -> None:
-    report = "# A study\n\n```\ndrlsl study --test /data/us101 --out /home/me/runs/paper\n```\n\n1 /a/b\n"
+    report = "# A study\n\n    drlsl study --test /data/us101 --out /home/me/runs/paper\n\n1 /a/b\n"
     made = page(report, "")
     assert "drlsl study --test us101 --out paper\n" in made
     assert "1 /a/b" in made
