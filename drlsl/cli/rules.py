@@ -133,9 +133,10 @@ def _source(tier: Tier, lowered: Lowered) -> str:
 def shell(files: Files = None) -> None:
     """Ask a rule program questions: goals, explanations, loading again what was changed."""
     from drlsl.cli.shell import run_shell
-    from drlsl.driving.shield import default_rules
+    from drlsl.driving.shield import default_rules, rule_file, rules_folder
 
-    raise typer.Exit(run_shell(files or default_rules()))
+    chosen = [rule_file(file) for file in files or default_rules()]
+    raise typer.Exit(run_shell(chosen, [rules_folder()]))
 
 
 def _query(goal: str) -> Query:

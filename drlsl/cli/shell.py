@@ -30,18 +30,28 @@ Type a goal and a full stop, such as  member(X, [1, 2, 3]).  Then ; asks for the
   listing(Name).   print the clauses    halt.   leave (or end of input)"""
 
 
-def run_shell(files: Sequence[str | Path] = ()) -> int:
-    """Load files and answer questions until the end of the input; returns the exit status."""
+def run_shell(files: Sequence[str | Path] = (), search: Sequence[Path] = ()) -> int:
+    """Load files and answer questions until the end of the input; returns the exit status.
+
+    Files that others name are looked for beside them, then in the folders of `search`.
+    """
     engine = Engine()
     with _line_editing(engine):
-        return Shell(engine, input, _read_key).run(files)
+        return Shell(engine, input, _read_key, search).run(files)
 
 
 class Shell:
     """A top level over one engine, with what it reads lines and keys from."""
 
-    def __init__(self, engine: Engine, read_line: Callable[[str], str], read_key: Callable[[], str]) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        read_line: Callable[[str], str],
+        read_key: Callable[[], str],
+        search: Sequence[Path] = (),
+    ) -> None:
         self.engine = engine
+        self._search = search
         self._read_line = read_line
         self._read_key = read_key
         self._files: list[Path] = []
@@ -73,7 +83,7 @@ class Shell:
         """Load a file, or say what is wrong with it."""
         warned = len(self.engine.warnings)
         try:
-            self.engine.consult(path)
+            self.engine.consult(path, self._search)
         except OSError as error:
             print(f"{path}: {error.strerror}")
             return

@@ -98,6 +98,7 @@ class Shield:
         """The shield of the program that `paths` hold, consulted in order; no path: the default program.
 
         A name such as paper.pl, where there is no such file, means the program that ships with the package.
+        What looks wrong in the files is logged as warnings.
 
         Raises:
             UserError: a file cannot be read, or the program lacks a predicate that is asked.
@@ -106,6 +107,8 @@ class Shield:
         engine = Engine()
         for path in paths or default_rules():
             consult_rules(engine, path)
+        for warning in engine.warnings:
+            _LOG.warning("%s", warning)
         return cls(engine, tier=tier)
 
     def decide(self, scene: Scene) -> Decision:
@@ -210,7 +213,16 @@ class Shield:
 
 
 def default_rules() -> tuple[Path, ...]:
-    """The files of the default program: in the installed package, or in the checkout of an editable install.
+    """The files of the default program.
+
+    Raises:
+        UserError: the package has no rules.
+    """
+    return (rules_folder() / "highway.pl",)
+
+
+def rules_folder() -> Path:
+    """Where the programs are that ship with the package: in it, or in the checkout of an editable install.
 
     Raises:
         UserError: neither place has them.
@@ -218,19 +230,21 @@ def default_rules() -> tuple[Path, ...]:
     package = Path(str(files("drlsl")))
     for folder in (package / "rules", package.parent / "rules"):
         if (folder / "highway.pl").is_file():
-            return (folder / "highway.pl",)
+            return folder
     raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
 
 
 def consult_rules(engine: Engine, path: str | Path) -> None:
     """Consult a rule file, or the program of this name that ships with the package.
 
+    The files that it names are looked for beside it, then among the programs that ship.
+
     Raises:
         UserError: the file cannot be read.
         PrologError: it is not a valid program.
     """
     try:
-        engine.consult(rule_file(path))
+        engine.consult(rule_file(path), [rules_folder()])
     except OSError as error:
         raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
 
@@ -239,7 +253,7 @@ def rule_file(path: str | Path) -> Path:
     """A rule file, or the program of this name that ships with the package."""
     if Path(path).exists() or len(Path(path).parts) > 1:
         return Path(path)
-    shipped = default_rules()[0].parent / path
+    shipped = rules_folder() / path
     return shipped if shipped.is_file() else Path(path)
 
 

@@ -5,12 +5,13 @@ Source: ISO 13211-1, 7.4.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from drlsl.logic.body import callable_parts
+from drlsl.logic.builtins.arguments import indicators
 from drlsl.logic.builtins.database import name_term, split_clause
 from drlsl.logic.dcg import translate_rule
 from drlsl.logic.errors import (
@@ -83,9 +84,10 @@ class LoadWarning:
 class Loader:
     """Loads one text, and what it includes, into an engine."""
 
-    def __init__(self, engine: Engine, name: str) -> None:
+    def __init__(self, engine: Engine, name: str, search: Sequence[Path] = ()) -> None:
         self._engine = engine
         self._name = name
+        self._search = search
         self._errors: list[PrologError] = []
         self._seen: set[Indicator] = set()
         self._last: Indicator | None = None
@@ -95,6 +97,7 @@ class Loader:
             ("include", 1): self._include,
             ("ensure_loaded", 1): self._ensure_loaded,
             ("consult", 1): self._ensure_loaded,
+            ("abolish", 1): self._abolish,
             ("initialization", 1): self._initialization,
             ("initialization", 2): self._initialization,
             ("use_module", 1): self._use_module,
@@ -103,7 +106,7 @@ class Loader:
         }
 
     def load(self, text: str, folder: Path | None) -> None:
-        """Load a text; `folder` is where the files that it names are looked for.
+        """Load a text; `folder` is where the files that it names are looked for before the search path.
 
         Raises:
             PrologError: What was wrong with it; a `ConsultError` if there was more than one thing.
@@ -167,9 +170,9 @@ class Loader:
             return
         others = sorted({clause.source for clause in predicate.clauses if clause.source is not None})
         if others != [self._name]:
-            self._warn(
-                f"{predicate.name}/{predicate.arity} is defined anew; before, in {', '.join(others)}", read
-            )
+            name = f"{predicate.name}/{predicate.arity}"
+            meant = f"if that is meant, say so before: :- abolish({name})."
+            self._warn(f"{name} is defined anew; before, in {', '.join(others)}; {meant}", read)
         predicate.replace([])
 
     def _warn(self, message: str, read: ReadTerm) -> None:
@@ -195,7 +198,7 @@ class Loader:
             self._errors.append(error)
 
     def _include(self, args: tuple[Term, ...], _read: ReadTerm, folder: Path | None) -> None:
-        path = find_file(args[0], folder)
+        path = find_file(args[0], folder, self._search)
         self._text(read_source(path), str(path), path.parent)
 
     def _ensure_loaded(self, args: tuple[Term, ...], read: ReadTerm, folder: Path | None) -> None:
@@ -203,9 +206,28 @@ class Loader:
         if type(target) is Struct and target.name == "library":
             self._use_module(args, read, folder)
             return
-        path = find_file(target, folder)
+        path = find_file(target, folder, self._search)
         if path.resolve() not in self._engine.loaded:
-            self._engine.consult(path)
+            self._engine.consult(path, self._search)
+
+    def _abolish(self, args: tuple[Term, ...], read: ReadTerm, _folder: Path | None) -> None:
+        """Forget static predicates that were loaded so far, so that this text may define them anew.
+
+        The standard's abolish/1, which as a goal leaves static predicates alone, is no directive of its own.
+
+        Raises:
+            PrologError: One is not defined, or is none that a program may define.
+        """
+        for name, arity in indicators(args[0]):
+            predicate = self._engine.program.find(name, arity)
+            if predicate is None and builtin(name, arity) is None:
+                raise existence_error("procedure", name_term(name, arity))
+            if predicate is None or predicate.dynamic:
+                self._run(Struct("abolish", (name_term(name, arity),)), read)
+                continue
+            predicate.replace([])
+            predicate.defined = False
+            self._seen.discard((name, arity))
 
     def _initialization(self, args: tuple[Term, ...], read: ReadTerm, _folder: Path | None) -> None:
         callable_parts(args[0])
@@ -250,8 +272,8 @@ def read_source(path: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def find_file(term: Term, folder: Path | None) -> Path:
-    """The file that an atom names, with or without ``.pl``, seen from a folder.
+def find_file(term: Term, folder: Path | None, search: Sequence[Path] = ()) -> Path:
+    """The file that an atom names, with or without ``.pl``, in a folder or else in those of a search path.
 
     Raises:
         ExistenceError: There is no such file.
@@ -262,8 +284,8 @@ def find_file(term: Term, folder: Path | None) -> Path:
     if type(term) is not Atom and type(term) is not str:
         raise type_error("atom", term)
     name = term.name if type(term) is Atom else str(term)
-    for candidate in (Path(name), Path(name + ".pl")):
-        path = candidate if candidate.is_absolute() or folder is None else folder / candidate
-        if path.is_file():
-            return path
+    for place in (folder or Path(), *search):
+        for candidate in (place / name, place / f"{name}.pl"):
+            if candidate.is_file():
+                return candidate
     raise existence_error("source_sink", term)

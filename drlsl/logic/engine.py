@@ -92,15 +92,17 @@ class Engine:
 
     # ------------------------------------------------------------------ loading
 
-    def consult(self, path: str | Path) -> None:
+    def consult(self, path: str | Path, search: Sequence[Path] = ()) -> None:
         """Load a file; loading it again replaces what it said before.
+
+        Files that it names are looked for beside it, then in the folders of `search`.
 
         Raises:
             PrologError: The file has errors, all of which the exception names; the program is as it was.
             OSError: The file cannot be read.
         """
         path = Path(path)
-        self._load(read_source(path), str(path), path.parent, path.resolve())
+        self._load(read_source(path), str(path), path.parent, path.resolve(), search)
 
     def consult_text(self, text: str, name: str = "text") -> None:
         """Load a program from a string; `name` stands for a file's name in messages.
@@ -110,7 +112,9 @@ class Engine:
         """
         self._load(text, name, None, None)
 
-    def _load(self, text: str, name: str, folder: Path | None, path: Path | None) -> None:
+    def _load(
+        self, text: str, name: str, folder: Path | None, path: Path | None, search: Sequence[Path] = ()
+    ) -> None:
         before = self.program.snapshot()
         operators, flags, warned = self.operators.copy(), self.flags.copy(), len(self.warnings)
         loaded = set(self.loaded)
@@ -118,7 +122,7 @@ class Engine:
             self.program.remove_source(name)
             self.loaded.add(path)
         try:
-            Loader(self, name).load(text, folder)
+            Loader(self, name, search).load(text, folder)
         except BaseException:  # an interrupt must not leave half a program either
             self.program.restore(before)
             self.linker.relink()

@@ -148,6 +148,21 @@ def test_a_name_means_a_program_that_ships(tmp_path: Path, monkeypatch: pytest.M
         Shield.from_files(["no/paper.pl"])
 
 
+def test_a_file_on_top_of_a_program_that_ships_may_lie_anywhere(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What it replaces without a word is logged, since a slip of the name would do the same."""
+    path = tmp_path / "mine.pl"
+    replaced = "safe_actions(lane_keeping).\n"
+    path.write_text(f":- ensure_loaded('highway.pl').\n:- abolish(safe_actions/1).\n{replaced}")
+    assert Shield.from_files([path]).decide(SCENE).action_mask == (1, 0, 0)
+    assert caplog.messages == []
+    path.write_text(f":- ensure_loaded('highway.pl').\n{replaced}")
+    assert Shield.from_files([path]).decide(SCENE).action_mask == (1, 0, 0)
+    (message,) = caplog.messages
+    assert message.startswith(f"{path}:2: safe_actions/1 is defined anew")
+
+
 def test_files_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="cannot read the rule file"):
         Shield.from_files([tmp_path / "none.pl"])

@@ -183,6 +183,87 @@ def test_warnings_say_what_and_where(engine: Engine) -> None:
     assert values(engine, "q(X)") == [1, 2]
 
 
+@pytest.fixture
+def base(tmp_path: Path) -> Path:
+    path = tmp_path / "base" / "base.pl"
+    path.parent.mkdir()
+    path.write_text("p(1).\np(2).\nq(X) :- p(X).\nr(1).\n", encoding="utf-8")
+    return path
+
+
+def test_a_file_on_top_of_another_replaces_and_adds(engine: Engine, tmp_path: Path, base: Path) -> None:
+    top = tmp_path / "top.pl"
+    text = ":- ensure_loaded('base/base').\n:- abolish(p/1).\n:- multifile(r/1).\np(3).\nr(2).\n"
+    top.write_text(text, encoding="utf-8")
+    engine.consult(top)
+    assert (values(engine, "q(X)"), values(engine, "r(X)")) == ([3], [1, 2])
+    assert engine.warnings == []
+    top.write_text(text.replace("p(3)", "p(4)"), encoding="utf-8")
+    engine.consult(top)
+    assert (values(engine, "q(X)"), values(engine, "r(X)")) == ([4], [1, 2])
+    top.write_text(text + "p(.\n", encoding="utf-8")
+    with pytest.raises(PrologSyntaxError):
+        engine.consult(top)
+    assert (values(engine, "q(X)"), values(engine, "r(X)")) == ([4], [1, 2])
+
+
+def test_replacing_without_a_word_is_a_warning(engine: Engine, tmp_path: Path, base: Path) -> None:
+    (tmp_path / "top.pl").write_text(":- ensure_loaded('base/base').\np(3).\n", encoding="utf-8")
+    engine.consult(tmp_path / "top.pl")
+    assert values(engine, "q(X)") == [3]
+    (warning,) = engine.warnings
+    assert f"top.pl:2: p/1 is defined anew; before, in {base}; if that is meant" in str(warning)
+    assert str(warning).endswith("say so before: :- abolish(p/1).")
+
+
+def test_what_is_included_can_be_replaced_too(engine: Engine, tmp_path: Path, base: Path) -> None:
+    text = ":- include('base/base').\n:- abolish([p/1, r/1]).\np(3).\n"
+    (tmp_path / "top.pl").write_text(text, encoding="utf-8")
+    engine.consult(tmp_path / "top.pl")
+    assert values(engine, "q(X)") == [3]
+    assert not engine.defines("r", 1)
+    assert engine.warnings == []
+
+
+@pytest.mark.parametrize(
+    ("directive", "message"),
+    [
+        ("abolish(pp/1)", "pp/1 does not exist"),
+        ("abolish(atom/1)", "no permission to modify static_procedure atom/1"),
+        ("abolish(p)", "type error"),
+    ],
+)
+def test_what_cannot_be_replaced(
+    engine: Engine, tmp_path: Path, base: Path, directive: str, message: str
+) -> None:
+    (tmp_path / "top.pl").write_text(f":- ensure_loaded('base/base').\n:- {directive}.\n", encoding="utf-8")
+    with pytest.raises(PrologError, match=message) as raised:
+        engine.consult(tmp_path / "top.pl")
+    assert "top.pl:2" in str(raised.value)
+
+
+def test_as_a_goal_abolish_leaves_static_predicates_alone(engine: Engine) -> None:
+    engine.consult_text("p(1).\n:- dynamic(q/1).\nq(1).\n:- abolish(q/1).\n")
+    assert not engine.defines("q", 1)
+    with pytest.raises(PrologError, match="permission error"):
+        engine.holds("abolish(p/1)")
+
+
+def test_files_are_looked_for_beside_the_one_that_names_them_then_on_the_search_path(
+    engine: Engine, tmp_path: Path, base: Path
+) -> None:
+    (tmp_path / "top.pl").write_text(":- ensure_loaded(base).\n:- include('more.pl').\n", encoding="utf-8")
+    (base.parent / "more.pl").write_text("more.\n", encoding="utf-8")
+    with pytest.raises(PrologError, match="base"):
+        engine.consult(tmp_path / "top.pl")
+    engine.consult(tmp_path / "top.pl", [tmp_path / "nowhere", base.parent])
+    assert engine.holds("more, p(2)")
+    (tmp_path / "more.pl").write_text("nearer.\n", encoding="utf-8")
+    engine.consult(tmp_path / "top.pl", [base.parent])
+    assert engine.holds("nearer")
+    assert not engine.holds("catch(more, _, fail)")
+
+
 def test_declarations_silence_the_warnings(engine: Engine) -> None:
     engine.consult_text(":- discontiguous q/1.\np(X, _Y) :- q(X).\nq(1).\nr(1).\nq(2).\n")
     assert engine.warnings == []
