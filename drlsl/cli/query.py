@@ -151,7 +151,9 @@ def _report(
 
 def _words(objection: Objection) -> str:
     if objection.vehicle is None or objection.gap is None or objection.needed is None:
-        return objection.reason.replace("_", " ")
+        words = objection.reason.replace("_", " ")
+        details = [detail if isinstance(detail, str) else f"{detail:.4g}" for detail in objection.details]
+        return f"{words}: {', '.join(details)}" if details else words
     place = "alongside" if objection.gap <= 0 else f"{objection.gap:.1f} m away"
     return f"{objection.vehicle} is {place}, {objection.needed:.1f} m needed"
 

@@ -15,16 +15,26 @@ SECTIONS: Final = ("front", "front_right", "right", "back_right", "back", "back_
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """One reason against an action, with `vehicle`, `gap` and `needed` [m] where a vehicle is the reason."""
+    """One reason against an action, with `vehicle`, `gap` and `needed` [m] where a vehicle is too close.
+
+    `details` are the arguments of any other reason that a program gives.
+    """
 
     reason: str
     vehicle: str | None = None
     gap: float | None = None
     needed: float | None = None
+    details: tuple[str | float, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """The fields that are given."""
-        fields = {"reason": self.reason, "vehicle": self.vehicle, "gap": self.gap, "needed": self.needed}
+        fields = {
+            "reason": self.reason,
+            "vehicle": self.vehicle,
+            "gap": self.gap,
+            "needed": self.needed,
+            "details": list(self.details) or None,
+        }
         return {name: value for name, value in fields.items() if value is not None}
 
 
@@ -79,14 +89,17 @@ def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
 
 def _objection(term: object) -> Objection:
     match term:
-        case Compound(name=name, args=(car, gap, needed)):
-            return Objection(name, str(car), _number(gap), _number(needed))
+        case Compound(name="too_close", args=(car, gap, needed)):
+            return Objection("too_close", str(car), _number(gap), _number(needed))
+        case Compound(name=name, args=args):
+            details = (value if isinstance(value, int | float) else str(value) for value in args)
+            return Objection(name, details=tuple(details))
         case _:
             return Objection(str(term))
 
 
 def _urgency(objection: Objection) -> tuple[float, str]:
-    return (float("-inf") if objection.gap is None else objection.gap, str(objection.vehicle))
+    return (float("-inf") if objection.gap is None else objection.gap, str(objection))
 
 
 def _number(value: object) -> float:
