@@ -57,6 +57,7 @@ class ScenarioConfig(_Section):
     direction: Literal["both", "left_to_right", "right_to_left"] = Field(
         default="both", description="As env.direction."
     )
+    traffic: Literal["recorded", "reactive"] = Field(default="recorded", description="As env.traffic.")
     paper: PaperTest | None = Field(default=None, description="The paper's scenario to compare with.")
 
 
@@ -138,10 +139,8 @@ class StudyConfig(_Section):
 
     def test_env(self, run: "Run", test: str) -> EnvConfig:
         """The environment of a test: that of the training in other traffic."""
-        scenario = self.tests[test]
-        env = self.training(run).env
-        changes = {"recording": scenario.recording, "direction": scenario.direction}
-        return EnvConfig.model_validate(env.model_dump() | changes)
+        scenario = self.tests[test].model_dump(include={"recording", "direction", "traffic"})
+        return EnvConfig.model_validate(self.training(run).env.model_dump() | scenario)
 
     def sweep_envs(self, run: "Run", sweep: str) -> dict[float, EnvConfig]:
         """The environments of a sweep, by the value of its setting; all else is as in its test."""

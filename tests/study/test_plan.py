@@ -29,7 +29,7 @@ def test_presets_are_what_the_paper_compares(name: str) -> None:
     assert {method.paper for method in preset.methods.values()} >= set(METHODS)
     rules = {preset.training(Run(method, 0)).env.rules for method in preset.methods}
     assert rules == {(), ("paper.pl",)}
-    assert set(preset.tests) == {"left-to-right", "right-to-left", "freeway"}
+    assert set(preset.tests) == {"left-to-right", "right-to-left", "freeway", "freeway-reactive"}
 
 
 def test_the_paper_preset_has_the_papers_numbers() -> None:
@@ -69,6 +69,8 @@ def test_a_policy_is_tested_as_it_was_trained_in_other_traffic() -> None:
         assert (tested.recording, tested.direction) == ("highway-test", "right_to_left")
         same = {"recording", "direction"}
         assert tested.model_dump(exclude=same) == trained.model_dump(exclude=same)
+        reactive = preset.test_env(run, "freeway-reactive")
+        assert (reactive.recording, reactive.direction, reactive.traffic) == ("freeway", "both", "reactive")
 
 
 def test_a_sweep_changes_one_setting_of_its_test() -> None:
