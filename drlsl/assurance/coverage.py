@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from drlsl.assurance.asking import WRONG, Interpreter
@@ -70,6 +71,7 @@ class Instrumented:
     def __init__(self, engine: Engine) -> None:
         self._globals = engine.globals
         self.points: list[Point] = []
+        self.sources: list[str | None] = []
         self._entries: list[ClauseText] = []
         for text in clause_texts(engine.program):
             predicate = text.clause.predicate
@@ -109,6 +111,7 @@ class Instrumented:
         if control is not None and isinstance(text.clause.origin, ReadTerm):
             place = text.clause.origin.place(control, index) or place
         self.points.append(Point(what, text.predicate, text.number, place.name, place.line, place.column))
+        self.sources.append(text.clause.source)
         return _note(f"point {len(self.points) - 1}")
 
     def _body(self, term: Term, text: ClauseText) -> Term:
@@ -166,11 +169,12 @@ Traces = Mapping[tuple[int, int], frozenset[tuple[str, int]]]
 """The clauses whose heads matched, by the index of the case and of its check."""
 
 
-def measure(shield: Shield, cases: Sequence[Case]) -> tuple[Coverage, Traces]:
+def measure(shield: Shield, cases: Sequence[Case], files: Sequence[Path] = ()) -> tuple[Coverage, Traces]:
     """Run the checks of all cases on the interpreter; the shield's program is instrumented by this.
 
     Returns:
-        What was reached, and which clauses each check tried.
+        What was reached, of the whole program or of `files` and what they include, and which clauses each
+        check tried.
     """
     noted = Instrumented(shield.engine)
     asker = Interpreter(shield)
@@ -186,6 +190,8 @@ def measure(shield: Shield, cases: Sequence[Case]) -> tuple[Coverage, Traces]:
             finally:
                 reached |= noted.reached()
                 traces[index, number] = frozenset(noted.entered())
-    hits = tuple(point for n, point in enumerate(noted.points) if n in reached)
-    missed = tuple(point for n, point in enumerate(noted.points) if n not in reached)
+    wanted = set(map(str, files))
+    counted = [n for n, source in enumerate(noted.sources) if source in wanted or not wanted]
+    hits = tuple(noted.points[n] for n in counted if n in reached)
+    missed = tuple(noted.points[n] for n in counted if n not in reached)
     return Coverage(hits, missed), traces

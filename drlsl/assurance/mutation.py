@@ -100,7 +100,10 @@ class TiersDisagree(Exception):
 
 
 class MutantTester:
-    """Puts mutants into a program, one after the other, and asks the tables about each."""
+    """Puts mutants into the files of a program, one after the other, and asks the tables about each.
+
+    What the files are on top of, by ensure_loaded/1, stays as it is.
+    """
 
     def __init__(self, rules: Sequence[Path], cases: Sequence[Case]) -> None:
         self._shield = Shield.from_files(rules)
@@ -109,7 +112,7 @@ class MutantTester:
         self._traces: Traces = measure(Shield.from_files(rules), cases)[1]
         self._reach = _Reach(self._engine)
         self._interpreter = Interpreter(self._shield, LIMITS)
-        self.clauses: Final = clause_texts(self._engine.program)
+        self.clauses: Final = clause_texts(self._engine.program, rules)
         self.mutants: Final = mutants_of(self.clauses)
         self._lucky: list[Key] = []
 

@@ -56,6 +56,7 @@ def run_tables(
 ) -> None:
     """Run tables of scenes with expected answers on the interpreter and on what the rules are compiled to.
 
+    --coverage and --mutate are about the files given and what they include, not what they are on top of.
     The status is 1 where an answer is wrong, a clause is not reached (--coverage), or a mutant survives
     without a reason in NAME.mutants.yaml (--mutate).
     """
@@ -77,7 +78,7 @@ def run_tables(
         raise UserError(f"no table of scenes: expected {_near(wanted)}, or name one with --tables")
     cases = [case for table in chosen for case in load_table(table)]
     outcome = run_cases(shield, cases, tiers or [ArrayTier.NUMPY])
-    reached = measure(Shield.from_files(rules), cases)[0] if coverage else None
+    reached = measure(Shield.from_files(rules), cases, rules)[0] if coverage else None
     mutants = None
     if mutate and not outcome.failures:
         with Console(stderr=True).status("testing mutants, which takes about a minute for highway.pl"):
