@@ -16,11 +16,28 @@ from tests.driving.test_shield import SCENE
 from tests.scenes import scenes
 
 
-@pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
-def test_the_tables_reach_every_clause_and_branch(program: str) -> None:
-    reached, _ = measure(Shield.from_files([RULES / program]), table_cases(RULES / program))
+@pytest.mark.parametrize(
+    ("program", "points"), [("highway.pl", 140), ("overtake_left.pl", 19), ("paper.pl", 119)]
+)
+def test_the_tables_reach_every_clause_and_branch(program: str, points: int) -> None:
+    path = RULES / program
+    reached, _ = measure(Shield.from_files([path]), table_cases(path), [path])
     assert [str(point) for point in reached.missed] == []
-    assert len(reached.reached) > 100
+    assert len(reached.reached) == points
+
+
+def test_what_a_file_is_on_top_of_counts_only_where_it_is_named() -> None:
+    base, top = RULES / "highway.pl", RULES / "overtake_left.pl"
+    cases = table_cases(top)[:1]
+
+    def files(*named: Path) -> set[str]:
+        reached, _ = measure(Shield.from_files([top]), cases, named)
+        return {Path(point.file).name for point in (*reached.reached, *reached.missed)}
+
+    included = {"longitudinal.pl", "observation.pl"}
+    assert files(top) == {"overtake_left.pl"}
+    assert files(base) == {"highway.pl", *included}
+    assert files(top, base) == files() == {"overtake_left.pl", "highway.pl", *included}
 
 
 REST = """

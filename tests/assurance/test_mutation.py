@@ -20,13 +20,14 @@ from drlsl.logic.lowering.errors import NotLowerable
 from tests.assurance.evidence import RULES, generated_scenes, oracle_cases, table_cases
 from tests.driving.test_shield import SCENE
 
-HIGHWAY, PAPER = RULES / "highway.pl", RULES / "paper.pl"
+HIGHWAY, LEFT, PAPER = RULES / "highway.pl", RULES / "overtake_left.pl", RULES / "paper.pl"
 EVERY = 40
 
 
-@pytest.mark.parametrize("program", [HIGHWAY, PAPER], ids=lambda path: path.name)
+@pytest.mark.parametrize("program", [HIGHWAY, LEFT, PAPER], ids=lambda path: path.name)
 def test_some_mutants_are_noticed_or_explained(program: Path) -> None:
     tester = MutantTester([program], table_cases(program))
+    assert {Path(text.clause.source or "") for text in tester.clauses} == {program}
     reasons = reasons_of([program])
     for mutant in tester.mutants[::EVERY]:
         verdict = tester.verdict(mutant)
@@ -35,7 +36,9 @@ def test_some_mutants_are_noticed_or_explained(program: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("program", "least"), [(HIGHWAY, 0.97), (PAPER, 0.95)], ids=["highway.pl", "paper.pl"]
+    ("program", "least"),
+    [(HIGHWAY, 0.97), (LEFT, 0.99), (PAPER, 0.95)],
+    ids=["highway.pl", "overtake_left.pl", "paper.pl"],
 )
 def test_the_tables_notice_every_mutant_that_can_be_noticed(program: Path, least: float) -> None:
     found = score([program], table_cases(program), reasons_of([program]))

@@ -16,12 +16,13 @@ from drlsl.errors import UserError
 from drlsl.logic import Engine, PrologSyntaxError
 from tests.scenes import road, scenes
 
+PROGRAMS = ("highway.pl", "overtake_left.pl", "paper.pl")
 TIERS = ("interpreter", "scalar", "numpy", "numba", "torch")
 SCENE = Scene(road(0, 3), Vehicle(EGO, 2, 0.0, 7.25, 30.0, 0.0, 4.6, 1.9), (), 2)
 
 SHIELDS = {
     (program, tier): Shield.from_files([Path(__file__).parents[2] / "rules" / program], tier=tier)
-    for program in ("highway.pl", "paper.pl")
+    for program in PROGRAMS
     for tier in TIERS
 }
 
@@ -171,7 +172,7 @@ def test_files_that_cannot_be_used(tmp_path: Path) -> None:
         Shield.from_files([tmp_path / "bad.pl"])
 
 
-@pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
+@pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize("tier", TIERS)
 @given(scene=scenes())
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
