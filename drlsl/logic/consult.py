@@ -16,6 +16,7 @@ from drlsl.logic.builtins.database import name_term, split_clause
 from drlsl.logic.dcg import translate_rule
 from drlsl.logic.errors import (
     PrologError,
+    PrologPermissionError,
     PrologSyntaxError,
     existence_error,
     instantiation_error,
@@ -68,6 +69,13 @@ class ConsultError(PrologSyntaxError):
 
     def __str__(self) -> str:
         return "\n".join([*map(str, self.errors), f"{len(self.errors)} errors; nothing was loaded"])
+
+
+class _CommaBefore(PrologPermissionError):
+    """A clause with a conjunction for its head, which nobody writes on purpose."""
+
+    def message(self) -> str:
+        return f"{super().message()}; the first goal here ends with a comma: should that be a full stop?"
 
 
 @dataclass(frozen=True)
@@ -152,7 +160,8 @@ class Loader:
     def _add(self, clause: Clause, read: ReadTerm) -> None:
         key = _indicator(clause.head)
         if f"{key[0]}/{key[1]}" in _STANDARD:
-            raise permission_error("modify", "static_procedure", name_term(*key))
+            refusal = permission_error("modify", "static_procedure", name_term(*key))
+            raise _CommaBefore(refusal.term) if key == (",", 2) else refusal
         predicate = self._engine.program.get(*key)
         if not predicate.defined and (builtin(*key) or library().find(*key)):
             self._hides = True

@@ -173,6 +173,13 @@ def test_every_error_of_a_text_is_reported_with_its_place(engine: Engine) -> Non
     assert (raised.value.file, raised.value.line, raised.value.column) == ("bad.pl", 1, 6)
 
 
+def test_a_comma_for_a_full_stop(engine: Engine) -> None:
+    with pytest.raises(PrologError) as raised:
+        engine.consult_text("p(1),\np(2) :- q.\n", name="c.pl")
+    assert "no permission to modify static_procedure (',')/2; the first goal here" in str(raised.value)
+    assert "should that be a full stop? (c.pl:1)" in str(raised.value)
+
+
 def test_warnings_say_what_and_where(engine: Engine) -> None:
     engine.consult_text("p(X, Y) :- q(X).\nq(1).\nr(1).\nq(2).\n:- fail.\n", name="w.pl")
     assert [str(warning) for warning in engine.warnings] == [
