@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import z3
 
 from drlsl.verify.booleans import Bool, leaves
 from drlsl.verify.polynomials import Interval, Monomial, Polynomial, Rational
 from drlsl.verify.signature import signature
-from drlsl.verify.symbolic import Model, SymbolicScene
+from drlsl.verify.symbolic import Model
+from drlsl.verify.values import Algebra
 
 Verdict: TypeAlias = Literal["none", "some", "unknown"]
 
@@ -29,16 +30,34 @@ class Outcome:
     reason: str = ""
 
 
+class Scenes(Protocol):
+    """The scenes that formulas speak of, as a `SymbolicScene` describes them."""
+
+    algebra: Algebra
+    always: list[Bool]
+    about: dict[str, list[Bool]]
+    usual: dict[int, tuple[int, Fraction]]
+
+    def tidy(self) -> list[Bool]:
+        """What a scene had better fulfil."""
+
+
 class Solver:
     """Asks z3 about the formulas of one symbolic scene.
 
-    A `linear` one takes products for numbers of their own. `settled` holds what was proved to hold nowhere.
+    A `linear` one takes products for numbers of their own. One for `few` unknowns divides their space into
+    cells where every polynomial has one sign, which always gives an answer, but takes long where they are
+    many. `settled` holds what was proved to hold nowhere.
     """
 
-    def __init__(self, scene: SymbolicScene, *, linear: bool, settled: set[bytes] | None = None) -> None:
+    def __init__(
+        self, scene: Scenes, *, linear: bool, few: bool = False, settled: set[bytes] | None = None
+    ) -> None:
         self._scene = scene
         self._settled = set() if settled is None else settled
         self._linear = linear
+        self._few = few
+        self._by_luck = not linear and not few
         self._products: dict[Monomial, Any] = {}
         self._algebra = scene.algebra
         self._context = z3.Context()
@@ -52,10 +71,14 @@ class Solver:
         question = signature([truth, *premises], self._algebra.ring)
         if question in self._settled:
             return Outcome("none")
-        solver = self._solver(seconds)
-        solver.add(self._term(truth))
-        self._add_all(solver, premises)
-        outcome = self._outcome(solver)
+        outcome = Outcome("unknown")
+        for seed, share in _tries(seconds) if self._by_luck else [(0, seconds)]:
+            solver = self._solver(share, seed)
+            solver.add(self._term(truth))
+            self._add_all(solver, premises)
+            outcome = self._outcome(solver)
+            if outcome.verdict != "unknown":
+                break
         if outcome.verdict == "none":
             self._settled.add(question)
         return outcome
@@ -81,8 +104,12 @@ class Solver:
 
     # ---------------------------------------------------------------- asking
 
-    def _solver(self, seconds: float) -> Any:
-        solver = z3.SimpleSolver(ctx=self._context)
+    def _solver(self, seconds: float, seed: int = 0) -> Any:
+        if self._few:
+            solver = z3.Tactic("qfnra-nlsat", ctx=self._context).solver()
+        else:
+            solver = z3.SimpleSolver(ctx=self._context)
+            solver.set("random_seed", seed)
         solver.set("timeout", max(1, int(seconds * 1000)))
         return solver
 
@@ -209,6 +236,15 @@ class Solver:
             name: z3.is_true(model.eval(flag, model_completion=True)) for name, flag in self._flags.items()
         }
         return Model(numbers, flags)
+
+
+def _tries(seconds: float) -> Iterator[tuple[int, float]]:
+    """Seeds with seconds for each: where products are, luck decides whether a proof takes a second or a minute."""
+    seed = 0
+    while seconds > 0:
+        share = min(seconds, float(2 ** (seed // 3)))
+        yield seed, share
+        seed, seconds = seed + 1, seconds - share
 
 
 def _fraction(value: Any) -> Fraction:
