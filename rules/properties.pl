@@ -9,6 +9,8 @@
 % Facts and units are those at the head of highway.pl. Nothing here relies on a rule under test but what every rule program is
 % asked for; the numbers are repeated on purpose, so that a change of the rules shows.
 
+:- ensure_loaded('spec.pl').
+
 :- dynamic(focus/1).
 :- discontiguous(property/2).
 :- discontiguous(violates/1).
@@ -124,62 +126,3 @@ spec_turned(right_to_left, left_to_right).
 spec_mirrored_action(lane_keeping, lane_keeping).
 spec_mirrored_action(left_lane_change, right_lane_change).
 spec_mirrored_action(right_lane_change, left_lane_change).
-
-% -------------------------------------------------------------------------------------------- what the words mean
-
-% spec_offered(Side): a lane change to that side is offered.
-spec_offered(left) :- safe_actions(left_lane_change).
-spec_offered(right) :- safe_actions(right_lane_change).
-
-% spec_direction(Direction), spec_sign(Sign): of the lane that the ego is in; the sign of motion along x.
-spec_direction(Direction) :- vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, Direction, _, _, _).
-spec_sign(1) :- spec_direction(left_to_right).
-spec_sign(-1) :- spec_direction(right_to_left).
-
-% spec_to_side(Side, Y, D): how far the y is to that side of the middle of the ego's lane.
-spec_to_side(right, Y, D) :- vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, Y0, _, _), spec_sign(Sign), D is Sign * (Y - Y0).
-spec_to_side(left, Y, D) :- spec_to_side(right, Y, Right), D is -Right.
-
-% spec_next_lane(Side, Direction, Low, High): the nearest lane to that side, whichever way it runs, and its strip of y.
-spec_next_lane(Side, Direction, Low, High) :-
-    road_lane(_, Direction, Y, Width, _), spec_to_side(Side, Y, D), D > 0.0,
-    \+ ( road_lane(_, _, Y1, _, _), spec_to_side(Side, Y1, D1), D1 > 0.0, D1 < D ),
-    Low is Y - Width / 2, High is Y + Width / 2.
-
-% spec_claims(Car, Side): Car's body is in the next lane to that side, or drifts into it within 3 s.
-spec_claims(Car, Side) :-
-    spec_next_lane(Side, _, Low, High),
-    vehicle(Car, _, _, Y, _, Vy, _, Width), Car \== ego,
-    min(Y, Y + 3.0 * Vy) - Width / 2 < High, max(Y, Y + 3.0 * Vy) + Width / 2 > Low.
-
-% spec_in_own_lane(Car): Car's body is in the ego's lane, or drifts into it within 3 s.
-spec_in_own_lane(Car) :-
-    vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, Y0, Width0, _),
-    vehicle(Car, _, _, Y, _, Vy, _, Width), Car \== ego,
-    min(Y, Y + 3.0 * Vy) - Width / 2 < Y0 + Width0 / 2, max(Y, Y + 3.0 * Vy) + Width / 2 > Y0 - Width0 / 2.
-
-% spec_in_path(Car): Car's body is where the ego's body will be on its way to the middle of its target lane.
-spec_in_path(Car) :-
-    vehicle(ego, _, _, Y0, _, _, _, Width0), target_lane(Target), road_lane(Target, _, Centre, _, _),
-    vehicle(Car, _, _, Y, _, _, _, Width), Car \== ego,
-    Y - Width / 2 < max(Y0, Centre) + Width0 / 2, Y + Width / 2 > min(Y0, Centre) - Width0 / 2.
-
-% spec_gap(Car, Offset, Gap): how far Car's centre is ahead of the ego's, and the gap from bumper to bumper.
-spec_gap(Car, Offset, Gap) :-
-    vehicle(ego, _, X0, _, _, _, Length0, _), vehicle(Car, _, X, _, _, _, Length, _), spec_sign(Sign),
-    Offset is Sign * (X - X0), Gap is abs(Offset) - (Length0 + Length) / 2.
-
-% spec_speed(Car, V): in the ego's direction, 0 for one that comes the other way.
-spec_speed(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), spec_sign(Sign), V is max(0.0, Sign * Vx).
-
-% spec_critical(Rear, Front, D): the least safe gap. Source: RSS (Shalev-Shwartz et al. 2017), Definition 1, with a response
-% time of 0.35 s, 3 m/s2 in it, then braking at 6 m/s2 behind a front vehicle that brakes at 8 m/s2.
-spec_critical(Rear, Front, D) :-
-    D is Rear * 0.35 + 3.0 * 0.35 * 0.35 / 2 + (Rear + 3.0 * 0.35) * (Rear + 3.0 * 0.35) / (2 * 6.0) - Front * Front / (2 * 8.0).
-
-% spec_too_near(Car, Offset, Gap): Car is alongside, or within the critical distance of whichever is behind.
-spec_too_near(_, _, Gap) :- Gap =< 0.0.
-spec_too_near(Car, Offset, Gap) :-
-    Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V1, V2, Critical), Gap < Critical.
-spec_too_near(Car, Offset, Gap) :-
-    Offset < 0.0, spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V2, V1, Critical), Gap < Critical.

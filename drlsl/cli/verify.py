@@ -116,8 +116,9 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
     yield ""
     yield ", ".join(f"{count} {status}" for status, count in counts.items() if count)
     yield f"over {report.cases} kinds of road with up to {request.vehicles} vehicles besides the ego, and"
+    names = {**NAMES, **report.unknowns}
     for name, (low, high) in report.ranges.items():
-        yield f"  {NAMES[name]:<34} {float(low):g} to {float(high):g}"
+        yield f"  {names[name]:<34} {float(low):g} to {float(high):g}"
 
 
 def _extent(result: Result) -> str:
@@ -142,6 +143,7 @@ def _scene_lines(result: Result, out: Path | None) -> Iterator[str]:
         ahead, aside = car.x - scene.ego.x, car.y - scene.ego.y
         place = f"{ahead:+.4g} m along x, {aside:+.4g} m along y"
         yield f"{car.id} in lane {car.lane} at {place}, {car.vx:.4g} m/s{mark}"
+    yield from (f"{name} = {value:.6g}" for name, value in found.unknowns.items())
     yield f"scene: {out / f'{result.name}.json'}" if out is not None else "--out DIR writes the scene"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Final
@@ -15,7 +15,7 @@ from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.lowering.lower import Query
-from drlsl.logic.lowering.schema import Schema
+from drlsl.logic.lowering.schema import Relation, Schema
 from drlsl.logic.program import Clause
 from drlsl.logic.terms import Atom, Struct, deref
 from drlsl.verify.images import expand, undefined_calls
@@ -28,7 +28,7 @@ FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
 
 _SHARED: Final = "".join(
     f":- multifile({name}).\n:- discontiguous({name}).\n"
-    for name in ("property/2", "violates/1", "image/3", "range/3")
+    for name in ("property/2", "violates/1", "image/3", "range/3", "unknown/4")
 )
 """Each of several files of properties may have clauses of these, in any order."""
 
@@ -55,13 +55,20 @@ class Property:
 class Book:
     """A rule program with the properties to be proved of it, and the ranges that they speak of.
 
-    `missing` says, by property, which predicates it calls that the rules lack.
+    `missing` says, by property, which predicates it calls that the rules lack. `unknowns` are the numbers, by
+    name with what they are, that the properties speak of besides a scene; they have ranges as well.
     """
 
     engine: Engine
     properties: tuple[Property, ...]
     ranges: dict[str, Range]
     missing: dict[str, tuple[str, ...]]
+    unknowns: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def facts(self) -> Schema:
+        """The facts of a scene, `focus/1`, and a fact for every unknown number."""
+        return _facts(self.unknowns)
 
 
 def default_properties() -> Path:
@@ -78,15 +85,25 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     """
     engine = Engine()
     engine.consult_text(_SHARED, "what files of properties share")
-    for path in [*(rules or default_rules()), *(properties or (default_properties(),))]:
-        warned = len(engine.warnings)
+    for path in rules or default_rules():
         consult_rules(engine, path)
-        for warning in engine.warnings[warned:]:
-            if "defined anew" in warning.message:
-                raise UserError(f"{warning}; a property must not change the rules that it is about")
+    warned = len(engine.warnings)
+    for path in properties or (default_properties(),):
+        consult_rules(engine, path)
+    for warning in engine.warnings[warned:]:
+        if "defined anew" in warning.message:
+            raise UserError(f"{warning}; a property must not change the rules that it is about")
     declared = _declared(engine)
+    unknowns, ranges = _unknowns(engine)
     expand(engine)
-    return Book(engine, declared, _ranges(engine), _missing(engine, declared))
+    missing = _missing(engine, declared, _facts(unknowns))
+    return Book(engine, declared, {**_ranges(engine), **ranges}, missing, unknowns)
+
+
+def _facts(unknowns: Iterable[str]) -> Schema:
+    return Schema(
+        [*FACTS.relations.values(), *(Relation(name, ("float",), single=True) for name in unknowns)]
+    )
 
 
 def _declared(engine: Engine) -> tuple[Property, ...]:
@@ -124,18 +141,40 @@ def _ranges(engine: Engine) -> dict[str, Range]:
         name, low, high = str(solution["Name"]), solution["Low"], solution["High"]
         if name not in ranges:
             raise UserError(f"range({name}, ...): unknown; there are {', '.join(ranges)}")
-        if not isinstance(low, int | float) or not isinstance(high, int | float) or low > high:
-            raise UserError(f"range({name}, {low}, {high}): expected two numbers, the lower first")
-        ranges[name] = (Fraction(repr(low)), Fraction(repr(high)))
+        ranges[name] = _range("range", name, low, high)
     return ranges
 
 
-def _missing(engine: Engine, properties: Iterable[Property]) -> dict[str, tuple[str, ...]]:
+def _range(word: str, name: str, low: object, high: object) -> Range:
+    if not isinstance(low, int | float) or not isinstance(high, int | float) or low > high:
+        raise UserError(f"{word}({name}, {low}, {high}): expected two numbers, the lower first")
+    return Fraction(repr(low)), Fraction(repr(high))
+
+
+def _unknowns(engine: Engine) -> tuple[dict[str, str], dict[str, Range]]:
+    """The numbers that `unknown/4` declares: what they are, and their ranges."""
+    texts: dict[str, str] = {}
+    ranges: dict[str, Range] = {}
+    for solution in engine.query("unknown(Name, Low, High, Text)"):
+        name = str(solution["Name"])
+        predicate = engine.program.find(name, 1)
+        if name in RANGES or FACTS.find(name, 1) is not None:
+            raise UserError(f"unknown({name}, ...): the name is taken by a fact or a range")
+        if predicate is not None and predicate.clauses:
+            raise UserError(f"unknown({name}, ...): {name}/1 has clauses; expected only :- dynamic({name}/1)")
+        if name in texts:
+            raise UserError(f"unknown({name}, ...) is there more than once")
+        ranges[name] = _range("unknown", name, solution["Low"], solution["High"])
+        texts[name] = str(solution["Text"])
+    return texts, ranges
+
+
+def _missing(engine: Engine, properties: Iterable[Property], facts: Schema) -> dict[str, tuple[str, ...]]:
     """By property, the predicates that it needs and nobody defines."""
 
     def is_known(name: str, arity: int) -> bool:
         return (
-            FACTS.find(name, arity) is not None
+            facts.find(name, arity) is not None
             or builtin(name, arity) is not None
             or library().find(name, arity) is not None
         )

@@ -15,7 +15,7 @@ from drlsl.logic.lowering.lower import Answer, lower
 from drlsl.logic.lowering.unfold import deep_recursion
 from drlsl.verify.booleans import Bool
 from drlsl.verify.formula import Formula, NotTranslatable
-from drlsl.verify.properties import FACTS, Book, Property, load
+from drlsl.verify.properties import Book, Property, load
 from drlsl.verify.ranges import Case
 from drlsl.verify.replay import Counterexample, Replay
 from drlsl.verify.scope import witnesses
@@ -35,6 +35,9 @@ PARTS: Final[tuple[Part, ...]] = ("broken", "error")
 
 USUAL: Final = (2, 1, 0)
 """How many kinds of numbers are to be what they usually are: speeds too, all others, none."""
+
+FIRST_TRY: Final = 12.0
+"""Seconds for a proof before scenes are looked for: most that need products as they are take less."""
 
 SLOTS: Final = (0.7, 3.0, 12.0, 48.0)
 """Seconds that one attempt at a scene may take, round by round."""
@@ -100,7 +103,7 @@ class Prover:
                 prover.refused[one.name] = f"the rules do not define {missing}"
                 continue
             try:
-                answer = lower(book.engine, FACTS, [one.query]).answers[0]
+                answer = lower(book.engine, book.facts, [one.query]).answers[0]
             except NotLowerable as reason:
                 prover.refused[one.name] = str(reason)
             else:
@@ -126,22 +129,32 @@ class Prover:
             left = simple.possible(name, PARTS, task.time_limit)
             if not left:
                 return found("proved")
+            # as many vehicles as are enough stand for any number, and products are hard for a solver
+            exact = _Translation(self, replace(task, vehicles=self.most(name, task.vehicles)), clears=True)
+            left = exact.possible(name, left, min(FIRST_TRY, task.time_limit / 2))
+            if not left:
+                return found("proved")
             # the search and the proof share what time is left
             search = _Search(self, task, name, started + task.time_limit / 2)
             counterexample = search.scene()
             if counterexample is not None:
                 return found("refuted", "", counterexample)
-            left = _Translation(self, task, clears=True).possible(name, left, task.time_limit / 2)
+            left = exact.possible(name, left, task.time_limit / 2)
         except NotTranslatable as reason:
             return found("unknown", str(reason))
         if not left:
             return found("proved")
         return found("unknown", _why(left, search, task.time_limit))
 
+    def most(self, name: str, vehicles: int) -> int:
+        """How many of so many vehicles have to be looked at for a property."""
+        enough = self.enough[name]
+        return vehicles if enough is None else min(vehicles, enough)
+
     def replay(self, name: str) -> Replay:
         """What confirms the counterexamples of a property."""
         if name not in self._replays:
-            self._replays[name] = Replay(self.book.engine, self.property(name))
+            self._replays[name] = Replay(self.book.engine, self.property(name), self.book.facts)
         return self._replays[name]
 
 
@@ -160,7 +173,10 @@ class _Translation:
 
     def __init__(self, prover: Prover, task: Task, *, clears: bool) -> None:
         self._prover = prover
-        self.scene = SymbolicScene(Algebra(clears=clears), task.case, prover.book.ranges, task.vehicles)
+        book = prover.book
+        self.scene = SymbolicScene(
+            Algebra(clears=clears), task.case, book.ranges, task.vehicles, tuple(book.unknowns)
+        )
         self._formula = Formula(self.scene.algebra, self.scene.facts)
         self._linear = Solver(self.scene, linear=True, settled=prover.settled)
         self.exact = Solver(self.scene, linear=False, settled=prover.settled)
@@ -177,9 +193,10 @@ class _Translation:
         return {part: outcome for part, outcome in outcomes.items() if outcome.verdict != "none"}
 
     def _outcome(self, truth: Bool, seconds: float) -> Outcome:
-        if truth not in self._known:
-            self._known[truth] = self._ask(truth, seconds)
-        return self._known[truth]
+        known = self._known.get(truth)
+        if known is None or known.verdict == "unknown":
+            known = self._known[truth] = self._ask(truth, seconds)
+        return known
 
     def _ask(self, truth: Bool, seconds: float) -> Outcome:
         """First with products as numbers of their own; where divisions are cleared, then as they are."""
@@ -244,8 +261,7 @@ class _Search:
 
     def _attempts(self) -> Iterator[_Attempt]:
         """All kinds of scenes, the smallest and most usual first."""
-        enough = self._prover.enough[self._name]
-        most = self._task.vehicles if enough is None else min(self._task.vehicles, enough)
+        most = self._prover.most(self._name, self._task.vehicles)
         for vehicles in range(most + 1):
             for part in self._possible(vehicles):
                 for usual in USUAL:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
 
@@ -18,7 +18,9 @@ from drlsl.logic import Engine, LimitExceeded, PrologError
 from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.lower import lower
 from drlsl.logic.lowering.scalar import Scalar, compile_scalar
+from drlsl.logic.lowering.schema import Schema
 from drlsl.traffic.road import Direction, Lane
+from drlsl.verify.images import calls
 from drlsl.verify.properties import FACTS, Property
 from drlsl.verify.symbolic import FOCUS, Model, SymbolicScene
 
@@ -33,19 +35,22 @@ class Counterexample:
     """A scene that breaks a property, and the vehicle that `focus/1` names in it, or None.
 
     `images` are the other scenes that the property speaks of, by name; `error` is what the rules raise in
-    the scene, where that is what is wrong.
+    the scene, where that is what is wrong. `unknowns` are the numbers that it speaks of besides the scene.
     """
 
     scene: Scene
     focus: str | None = None
     images: tuple[tuple[str, Scene], ...] = ()
     error: str | None = None
+    unknowns: Mapping[str, float] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """The scene as a scene file has it, and what else there is to say."""
         result: dict[str, Any] = {"scene": json.loads(scene_json(self.scene))}
         if self.focus is not None:
             result["focus"] = self.focus
+        if self.unknowns:
+            result["unknowns"] = dict(self.unknowns)
         if self.images:
             result["images"] = {name: json.loads(scene_json(scene)) for name, scene in self.images}
         if self.error is not None:
@@ -56,38 +61,44 @@ class Counterexample:
 class Replay:
     """Asks the tiers whether a scene breaks a property."""
 
-    def __init__(self, engine: Engine, prop: Property) -> None:
+    def __init__(self, engine: Engine, prop: Property, facts: Schema = FACTS) -> None:
         self._engine = engine
         self._property = prop
         self._goal = engine.prepare(prop.goal)
         self._scalar: Scalar | None = None
         with suppress(NotLowerable):  # then the interpreter's word is enough
-            self._scalar = compile_scalar(lower(engine, FACTS, [prop.query]))
+            self._scalar = compile_scalar(lower(engine, facts, [prop.query]))
 
     def confirm(self, symbolic: SymbolicScene, model: Model) -> Counterexample | None:
         """The counterexample that a model describes, in numbers as round as can be; None if it is none."""
         exact, focus = symbolic.scene(model)
+        unknowns = symbolic.unknown_values(model)
         for digits in _DIGITS:
             try:
                 scene = parse_scene(scene_json(_rounded(exact, digits)), "scene")
             except UserError:
                 continue
             if _ranges_hold(scene, symbolic):
-                found = self.breaks(scene, focus)
+                found = self.breaks(scene, focus, _shortened(unknowns, digits, symbolic))
                 if found is not None:
                     return found
         return None
 
-    def breaks(self, scene: Scene, focus: str) -> Counterexample | None:
-        """The counterexample that a scene is, if all tiers say so."""
+    def breaks(
+        self, scene: Scene, focus: str, unknowns: Mapping[str, float] | None = None
+    ) -> Counterexample | None:
+        """The counterexample that a scene is, with these unknown numbers, if all tiers say so."""
         facts: Facts = {**road_facts(scene.road), **scene_facts(scene)}
         facts[FOCUS.name, FOCUS.arity] = [(focus,)]
-        shown = focus if focus != "none" and self._reads_focus() else None
+        facts.update({(name, 1): [(value,)] for name, value in (unknowns or {}).items()})
+        called = self._called()
+        shown = focus if focus != "none" and (FOCUS.name, FOCUS.arity) in called else None
+        spoken_of = {name: value for name, value in (unknowns or {}).items() if (name, 1) in called}
         try:
             if not self._ask(facts):
                 return None
         except (PrologError, LimitExceeded) as error:
-            return Counterexample(scene, shown, error=str(error).splitlines()[0])
+            return Counterexample(scene, shown, error=str(error).splitlines()[0], unknowns=spoken_of)
         if self._scalar is not None:
             try:
                 (broken,) = self._scalar(facts)
@@ -98,15 +109,12 @@ class Replay:
         if not self._tiers_agree(scene):
             return None
         self._ask(facts)
-        return Counterexample(scene, shown, tuple(self._images(scene)))
+        return Counterexample(scene, shown, tuple(self._images(scene)), unknowns=spoken_of)
 
     def _ask(self, facts: Facts) -> bool:
         for (name, arity), rows in facts.items():
             self._engine.replace_facts(name, arity, rows)
         return self._goal.holds(LIMITS)
-
-    def _reads_focus(self) -> bool:
-        return any(name == "alone" for name in self._image_names())
 
     def _tiers_agree(self, scene: Scene) -> bool:
         """Whether interpreter, generated code and arrays decide alike."""
@@ -131,24 +139,26 @@ class Replay:
 
     # ---------------------------------------------------------------- images
 
-    def _image_names(self) -> Iterator[str]:
-        """The images that the property asks something in."""
+    def _called(self) -> set[tuple[str, int]]:
+        """The predicates that the property depends on, however indirectly."""
         program = self._engine.program
         seen: set[tuple[str, int]] = set()
         open_ = [(self._property.query.name, 0)]
-        from drlsl.verify.images import calls
-
         while open_:
             key = open_.pop()
             predicate = program.find(*key)
-            if key in seen or predicate is None or predicate.rows is not None:
+            if key in seen or predicate is None:
                 continue
             seen.add(key)
-            for clause in predicate.clauses:
+            for clause in predicate.clauses if predicate.rows is None else ():
                 if key == ("violates", 1) and getattr(clause.args[0], "name", None) != self._property.name:
                     continue
                 open_.extend(calls(clause.body))
-        yield from dict.fromkeys(name.split(":")[0] for name, _ in sorted(seen) if ":" in name)
+        return seen
+
+    def _image_names(self) -> Iterator[str]:
+        """The images that the property asks something in."""
+        yield from dict.fromkeys(name.split(":")[0] for name, _ in sorted(self._called()) if ":" in name)
 
     def _images(self, scene: Scene) -> Iterator[tuple[str, Scene]]:
         """The scenes that the facts of the images describe."""
@@ -205,6 +215,19 @@ def _rounded(scene: Scene, digits: int | None) -> Scene:
         radar_range=short(scene.road.radar_range),
     )
     return replace(scene, road=road, ego=vehicle(scene.ego), vehicles=tuple(map(vehicle, scene.vehicles)))
+
+
+def _shortened(
+    unknowns: Mapping[str, float], digits: int | None, symbolic: SymbolicScene
+) -> dict[str, float]:
+    """The unknown numbers rounded, none beyond its range."""
+    if digits is None:
+        return dict(unknowns)
+    result = {}
+    for name, value in unknowns.items():
+        low, high = map(float, symbolic.ranges[name])
+        result[name] = min(high, max(low, round(value, digits)))
+    return result
 
 
 def _ranges_hold(scene: Scene, symbolic: SymbolicScene) -> bool:

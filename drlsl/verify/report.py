@@ -84,11 +84,15 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What is known of all properties, and the scenes that it is about."""
+    """What is known of all properties, and the scenes that it is about.
+
+    `ranges` has those of the `unknowns` too, numbers besides the scene, by name with what they are.
+    """
 
     results: list[Result]
     ranges: dict[str, Range]
     cases: int
+    unknowns: dict[str, str] = field(default_factory=dict)
 
 
 def verify(request: Request, progress: Callable[[int, int], None] = lambda _done, _all: None) -> Report:
@@ -105,7 +109,8 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
         for finding in findings:
             results[finding.property].take(finding)
         progress(done, len(request.cases))
-    return Report(list(results.values()), prover.book.ranges, len(request.cases))
+    book = prover.book
+    return Report(list(results.values()), book.ranges, len(request.cases), book.unknowns)
 
 
 def _results(prover: Prover, request: Request) -> Iterator[Result]:

@@ -4,7 +4,8 @@ From a scene that breaks a property, vehicles are taken away one after another. 
 such and such stays true, and what says that some vehicle is stays true as long as one of those is kept. So
 the scene that is left with one vehicle for each such statement, and one for each least or greatest value or
 first match that the property compares, breaks the property as well. `witnesses` counts them: a property that
-holds with so many vehicles holds with any number.
+holds with so many vehicles holds with any number. All that speaks only of the vehicle that `focus/1` names
+speaks of the same one.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from drlsl.driving.lowered import SCHEMA
+from drlsl.driving.scene import EGO
 from drlsl.logic.lowering.ir import QUANTIFIERS, Node, relation_of
 from drlsl.logic.lowering.lower import Answer
+from drlsl.logic.terms import Atom
+from drlsl.verify.symbolic import FOCUS
 
 VEHICLE: Final = SCHEMA.relations["vehicle", 8]
 
@@ -34,18 +38,20 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """Vehicles that have to stay: those of the choices in `named`, and `more` besides."""
+    """Vehicles that have to stay: those of the choices in `named`, `more` besides, and the one in focus."""
 
     named: frozenset[Choice] = frozenset()
     more: int = 0
+    focus: bool = False
 
     def __len__(self) -> int:
         # the least of some rows is also one of them
         sharp = {choice.rows for choice in self.named if choice.kind != "any"}
-        return self.more + sum(choice.kind != "any" or choice.rows not in sharp for choice in self.named)
+        named = sum(choice.kind != "any" or choice.rows not in sharp for choice in self.named)
+        return named + self.more + self.focus
 
     def __or__(self, other: Need) -> Need:
-        return Need(self.named | other.named, self.more + other.more)
+        return Need(self.named | other.named, self.more + other.more, self.focus or other.focus)
 
 
 NONE: Final = Need()
@@ -64,7 +70,7 @@ def witnesses(answer: Answer) -> int | None:
 def _either(one: Need, other: Need) -> Need:
     """Enough for whichever of two statements it is that holds."""
     for large, small in ((one, other), (other, one)):
-        if large.named >= small.named and large.more >= small.more:
+        if large.named >= small.named and large.more >= small.more and large.focus >= small.focus:
             return large
     return Need(more=max(len(one), len(other)))
 
@@ -122,12 +128,47 @@ def _row(node: Node, fixed: _Fixed) -> Need:
     """The vehicle that a quantifier chooses."""
     if not _over_vehicles(node):
         return NONE
+    if any(_of_another(cond, loop) is False for cond, loop in _conditions(node)):
+        return Need(focus=True)
     if not node.free <= fixed:
         raise NoBound
     if node.free:
         return Need(more=1)
     kind = _KINDS.get(node.op, node.op)
     return Need(frozenset({Choice((node.args[0], node.args[1]), kind, node.args[2:])}))
+
+
+def _of_another(cond: Node, loop: Node) -> bool | None:
+    """What a condition says of a row that is neither the ego nor the vehicle in focus; None: it depends."""
+    if cond.op == "const":
+        return bool(cond.data)
+    if cond.op == "not":
+        inner = _of_another(cond.args[0], loop)
+        return None if inner is None else not inner
+    if cond.op in ("and", "or"):
+        parts = [_of_another(arg, loop) for arg in cond.args]
+        dominant = cond.op == "or"
+        if dominant in parts:
+            return dominant
+        return None if None in parts else not dominant
+    if cond.op == "eq" and any(_is_id(one, loop) and _is_ego_or_focus(other) for one, other in _both(cond)):
+        return False
+    return None
+
+
+def _both(equation: Node) -> tuple[tuple[Node, Node], tuple[Node, Node]]:
+    left, right = equation.args
+    return (left, right), (right, left)
+
+
+def _is_id(node: Node, loop: Node) -> bool:
+    return node.op == "col" and node.args[0] is loop and node.data == (VEHICLE, VEHICLE.key)
+
+
+def _is_ego_or_focus(node: Node) -> bool:
+    if node.op == "const":
+        return bool(node.data == Atom(EGO))
+    return node.op == "col" and node.data[0] == FOCUS
 
 
 def _over_vehicles(node: Node) -> bool:

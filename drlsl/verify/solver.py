@@ -239,7 +239,7 @@ class Solver:
 
 
 def _tries(seconds: float) -> Iterator[tuple[int, float]]:
-    """Seeds with seconds for each: where products are, luck decides whether a proof takes a second or a minute."""
+    """Seeds with seconds for each: with products in it, luck makes a proof take a second or a minute."""
     seed = 0
     while seconds > 0:
         share = min(seconds, float(2 ** (seed // 3)))

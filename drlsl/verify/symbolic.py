@@ -52,14 +52,23 @@ class SymbolicScene:
 
     `facts` are the rows of all relations. `always` is what every scene fulfils; `about` the part of it that
     speaks of a flag, by the flag's name. `usual` gives unknowns the value that a
-    counterexample should have, with 1, or 2 for a speed.
+    counterexample should have, with 1, or 2 for a speed. `unknowns` name facts of one number each that a
+    property speaks of besides the scene.
     """
 
-    def __init__(self, algebra: Algebra, case: Case, ranges: Mapping[str, Range], vehicles: int) -> None:
+    def __init__(
+        self,
+        algebra: Algebra,
+        case: Case,
+        ranges: Mapping[str, Range],
+        vehicles: int,
+        unknowns: Sequence[str] = (),
+    ) -> None:
         self.algebra = algebra
         self.case = case
         self.ranges = ranges
         self.vehicles = vehicles
+        self.unknowns = unknowns
         self.facts: dict[tuple[str, int], list[Row]] = {}
         self.always: list[Bool] = []
         self.about: dict[str, list[Bool]] = {}
@@ -230,6 +239,8 @@ class SymbolicScene:
         number("acceleration_limit", algebra.number(ACCELERATION_LIMIT))
         number("braking_limit", algebra.number(BRAKING_LIMIT))
         number("centre_tolerance", algebra.number(CENTRE_TOLERANCE))
+        for name in self.unknowns:
+            number(name, self._unknown(name, name))
         self._focused = focus
 
     def _row(self, box: Box, x: Polynomial) -> Row:
@@ -309,6 +320,10 @@ class SymbolicScene:
         ego, *others = [vehicle(row) for row in self.facts["vehicle", 8] if holds(row.present)]
         scene = Scene(road=road, ego=ego, vehicles=tuple(others), target_lane=self.case.target_lane)
         return scene, str(chosen(self._focused))
+
+    def unknown_values(self, model: Model) -> dict[str, float]:
+        """What a model has for the numbers that the property speaks of besides the scene."""
+        return {name: float(evaluate(self._numbers[name], model.numbers)) for name in self.unknowns}
 
 
 def _outward(case: Case) -> list[int]:
