@@ -53,7 +53,7 @@ may_be_passed(V, Excess) :-
 
 % in_a_queue: the ego is the third vehicle or a later one of a queue in its lane.
 in_a_queue :-
-    nearest(front, Car1, Gap1), slow(Car1), busy_section(front, Car2, Gap2), Gap2 > Gap1, slow(Car2).
+    nearest(front, Car1, Gap1), queues(Car1), busy_section(front, Car2, Gap2), Gap2 > Gap1, queues(Car2).
 
-% slow(Car): Car is no faster than a queue.
-slow(Car) :- speed(Car, V), queue_speed(Slow), V =< Slow.
+% queues(Car): Car is in the ego's lane, and no faster than a queue.
+queues(Car) :- lane(ego, Lane), lane(Car, Lane), speed(Car, V), queue_speed(Slow), V =< Slow.

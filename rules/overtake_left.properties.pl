@@ -17,7 +17,7 @@ property(slowly_past_a_queue,
 violates(slowly_past_a_queue) :- safe_actions(right_lane_change), spec_could_pass(_, 20 / 3.6).
 
 property(only_past_a_queue,
-    'no lane change to the right after which it could be past a vehicle within 20 s with fewer than two slow ones ahead').
+    'no lane change to the right after which it could be past a vehicle within 20 s, but from behind two slow ones').
 violates(only_past_a_queue) :-
     safe_actions(right_lane_change), spec_could_pass(_, 0.0),
     \+ ( spec_slow_ahead(Car1, Offset1), spec_slow_ahead(Car2, Offset2), Car1 \== Car2, Offset1 =< Offset2 ).
@@ -30,11 +30,9 @@ property(right_is_left_at_most, 'in the mirror image, to the right no more is of
 violates(right_is_left_at_most) :- safe_actions(right_lane_change), \+ in(mirrored, safe_actions(left_lane_change)).
 violates(right_is_left_at_most) :- longitudinal_velocity(V), in(mirrored, longitudinal_velocity(V1)), V =\= V1.
 
-property(nothing_else_hidden, 'what forbids a lane change alone forbids it among others, but for vehicles ahead on the left').
-violates(nothing_else_hidden) :- safe_actions(left_lane_change), \+ in(alone, safe_actions(left_lane_change)).
-violates(nothing_else_hidden) :-
-    safe_actions(right_lane_change), \+ in(alone, safe_actions(right_lane_change)),
-    \+ ( focus(Car), spec_ahead_on_the_left(Car, _) ).
+property(nothing_too_close_hidden, 'a vehicle that alone makes a side unsafe forbids a lane change to it among others too').
+violates(nothing_too_close_hidden) :- safe_actions(left_lane_change), \+ in(alone, left_is_safe).
+violates(nothing_too_close_hidden) :- safe_actions(right_lane_change), \+ in(alone, right_is_safe).
 
 % spec_ahead_on_the_left(Car, Offset): Car is ahead, in the ego's lane or, in one of its direction, to the left of that.
 spec_ahead_on_the_left(Car, Offset) :-
@@ -56,5 +54,7 @@ spec_limit_on_the_right(Limit) :-
     road_lane(_, _, Y, _, Limit), spec_to_side(right, Y, D), D > 0.0,
     \+ ( road_lane(_, _, Y1, _, _), spec_to_side(right, Y1, D1), D1 > 0.0, D1 < D ).
 
-% spec_slow_ahead(Car, Offset): Car is ahead in the ego's way, no faster than 60 km/h.
-spec_slow_ahead(Car, Offset) :- spec_in_path(Car), spec_gap(Car, Offset, _), Offset > 0.0, spec_speed(Car, V), V =< 60 / 3.6.
+% spec_slow_ahead(Car, Offset): Car is ahead in the ego's lane, no faster than 60 km/h.
+spec_slow_ahead(Car, Offset) :-
+    vehicle(ego, Lane, _, _, _, _, _, _), vehicle(Car, Lane, _, _, _, _, _, _), Car \== ego,
+    spec_gap(Car, Offset, _), Offset > 0.0, spec_speed(Car, V), V =< 60 / 3.6.

@@ -26,7 +26,7 @@ class LeftOracle(Oracle):
 
     def queue(self) -> bool:
         ahead = sorted(self.section("front"), key=self.gap)
-        slow = [car for car in ahead if self.speed(car) <= QUEUE_SPEED]
+        slow = [car for car in ahead if car.lane == self.ego.lane and self.speed(car) <= QUEUE_SPEED]
         return (
             len(slow) > 1 and slow[0] is ahead[0] and any(self.gap(car) > self.gap(ahead[0]) for car in slow)
         )
