@@ -1,0 +1,175 @@
+% dynamics.pl - what follows from a decision, as long as everybody keeps to the assumptions of RSS: proved by
+% drlsl rules verify --property dynamics.pl. docs/verify.md ("Dynamics") says what the properties amount to together.
+%
+%   property(Name, Text)              a property, and what it says
+%   violates(Name)                    a scene, with some values of the unknowns, breaks it
+%   unknown(Name, Low, High, Text)    a number, any between the two: there is a fact Name(Number)
+%   image(Image, Fact, Goal)          another scene, as in properties.pl; focus(Car): any one of the vehicles
+%
+% The assumptions. A vehicle behind, the ego or another, speeds up by at most 3 m/s2 for its response time of 0.35 s and from then
+% on brakes by at least 6 m/s2 until it stands. A vehicle in front brakes by at most 8 m/s2. Nobody drives backward. Sideways,
+% none but the vehicles that spec_claims/2 names (in the lane, or drifting into it within 3 s) come into the lane changed to.
+
+:- ensure_loaded('spec.pl').
+
+:- dynamic(focus/1).
+:- dynamic(moment/1).
+:- dynamic(later/1).
+:- dynamic(acceleration/1).
+:- dynamic(way_so_far/1).
+:- dynamic(speed_by_then/1).
+:- dynamic(rear_speed/1).
+:- dynamic(front_speed/1).
+:- dynamic(gap_between/1).
+:- dynamic(reached_speed/1).
+:- dynamic(step_share/1).
+:- discontiguous(property/2).
+:- discontiguous(violates/1).
+
+unknown(moment, 0, 1000, 'time after the decision, s').
+unknown(later, 0, 1000, 'time after that moment, s').
+unknown(acceleration, -100, 100, 'acceleration from that moment on, m/s2').
+unknown(way_so_far, 0, 100000, 'way until that moment, m').
+unknown(speed_by_then, 0, 1000, 'speed at that moment, m/s').
+unknown(rear_speed, 0, 70, 'speed of a vehicle behind, m/s').
+unknown(front_speed, 0, 70, 'speed of a vehicle in front, m/s').
+unknown(gap_between, 0, 1000, 'gap between the two, m').
+unknown(reached_speed, 0, 71, 'the ego''s speed after a step, m/s').
+unknown(step_share, 0, 1, 'share of a time step that has passed').
+
+% ------------------------------------------------------------------------------------------- how far vehicles come
+
+% By steps of constant acceleration, as short as one likes: who is within the bounds so far stays within them.
+
+property(front_comes_so_far, 'no braking by at most 8 m/s2 leaves a vehicle in front behind spec_front_way/3, or slower').
+violates(front_comes_so_far) :-
+    front_speed(V), moment(T), spec_front_way(V, T, S), spec_front_speed(V, T, U), way_so_far(S0), S0 >= S, speed_by_then(U0), U0 >= U,
+    later(T1), acceleration(A), A >= -8.0, U1 is U0 + A * T1, U1 >= 0.0,
+    T2 is T + T1, spec_front_way(V, T2, S2), S0 + U0 * T1 + A * T1 * T1 / 2 < S2.
+violates(front_comes_so_far) :-
+    front_speed(V), moment(T), spec_front_speed(V, T, U), speed_by_then(U0), U0 >= U,
+    later(T1), acceleration(A), A >= -8.0, U1 is U0 + A * T1, U1 >= 0.0,
+    T2 is T + T1, spec_front_speed(V, T2, U2), U1 < U2.
+
+property(rear_comes_no_further, 'nothing that is assumed of a vehicle behind takes it beyond spec_rear_way/3, or makes it faster').
+violates(rear_comes_no_further) :-
+    rear_speed(V), moment(T), spec_rear_way(V, T, S), spec_rear_speed(V, T, U), way_so_far(S0), S0 =< S, speed_by_then(U0), U0 =< U,
+    later(T1), spec_rear_accelerates(T, T1, U0, A), U0 + A * T1 >= 0.0,
+    T2 is T + T1, spec_rear_way(V, T2, S2), S0 + U0 * T1 + A * T1 * T1 / 2 > S2.
+violates(rear_comes_no_further) :-
+    rear_speed(V), moment(T), spec_rear_speed(V, T, U), speed_by_then(U0), U0 =< U,
+    later(T1), spec_rear_accelerates(T, T1, U0, A), U0 + A * T1 >= 0.0,
+    T2 is T + T1, spec_rear_speed(V, T2, U2), U0 + A * T1 > U2.
+
+% spec_front_way(V, T, S), spec_front_speed(V, T, U): the least way in the time T from speed V, and the least speed then.
+spec_front_way(V, T, S) :- 8.0 * T < V, S is V * T - 8.0 * T * T / 2.
+spec_front_way(V, T, S) :- 8.0 * T >= V, S is V * V / (2 * 8.0).
+spec_front_speed(V, T, U) :- U is max(0.0, V - 8.0 * T).
+
+% spec_rear_way(V, T, S), spec_rear_speed(V, T, U): the farthest way in the time T from speed V, and the highest speed then.
+spec_rear_way(V, T, S) :- T =< 0.35, spec_speeds_up(A), S is V * T + A * T * T / 2.
+spec_rear_way(V, T, S) :-
+    T > 0.35, U is V + 3.0 * 0.35, T1 is T - 0.35, 6.0 * T1 < U,
+    S is V * 0.35 + 3.0 * 0.35 * 0.35 / 2 + U * T1 - 6.0 * T1 * T1 / 2.
+spec_rear_way(V, T, S) :- T > 0.35, 6.0 * (T - 0.35) >= V + 3.0 * 0.35, spec_rear_stop(V, S).
+spec_rear_speed(V, T, U) :- T =< 0.35, spec_speeds_up(A), U is V + A * T.
+spec_rear_speed(V, T, U) :- T > 0.35, U is max(0.0, V + 3.0 * 0.35 - 6.0 * (T - 0.35)).
+
+% spec_rear_stop(V, S): the farthest way until it stands.
+spec_rear_stop(V, S) :- S is V * 0.35 + 3.0 * 0.35 * 0.35 / 2 + (V + 3.0 * 0.35) * (V + 3.0 * 0.35) / (2 * 6.0).
+
+% spec_speeds_up(A): 3 m/s2, but for a billionth: 3.0 * 0.35, in numbers of a computer, is a little less than 1.05.
+spec_speeds_up(2.999999999).
+
+% spec_rear_accelerates(T, T1, U, A): A is allowed from the moment T until T1 later, to a vehicle that is as fast as U.
+spec_rear_accelerates(T, T1, _, A) :- T + T1 =< 0.35, acceleration(A), spec_speeds_up(Most), A =< Most.
+spec_rear_accelerates(T, _, _, A) :- T >= 0.35, acceleration(A), A =< -6.0.
+spec_rear_accelerates(T, _, U, 0.0) :- T >= 0.35, U =< 0.0.
+
+% ------------------------------------------------------------------------------------------------- lane changes
+
+property(nearest_at_the_ends, 'of the gaps between two from a decision until both stand, the first or the last is the least').
+violates(nearest_at_the_ends) :-
+    rear_speed(V1), front_speed(V2), moment(T), spec_front_way(V2, T, Front), spec_rear_way(V1, T, Rear),
+    spec_least_gap(0.0, V1, V2, Least), Front - Rear < Least.
+
+property(keeps_apart_ahead, 'after a lane change is offered, the gap to a vehicle ahead there is at no moment under 2 m').
+violates(keeps_apart_ahead) :-
+    spec_moves_in(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2),
+    spec_least_gap(Gap, V1, V2, Least), Least < 2.0.
+
+property(keeps_apart_behind, 'after a lane change is offered, the gap to a vehicle behind there is at no moment under 2 m').
+violates(keeps_apart_behind) :-
+    spec_moves_in(Car, Offset, Gap), Offset < 0.0, spec_speed(Car, V1), spec_speed(ego, V2),
+    spec_least_gap(Gap, V1, V2, Least), Least < 2.0.
+
+% spec_moves_in(Car, Offset, Gap): Car is, or comes, in a lane that the ego may change to.
+spec_moves_in(Car, Offset, Gap) :- spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap).
+
+% spec_least_gap(Gap, V1, V2, Least): the lesser of the gap now, from speed V1 behind and V2 in front, and the one when both stand.
+spec_least_gap(Gap, V1, V2, Least) :- spec_rear_stop(V1, Rear), Least is min(Gap, Gap + V2 * V2 / (2 * 8.0) - Rear).
+
+% ----------------------------------------------------------------------------------------- the critical distance
+
+property(distance_is_enough, 'from a gap of the critical distance or more, there is at no moment a contact').
+violates(distance_is_enough) :-
+    rear_speed(V1), front_speed(V2), gap_between(Gap), Gap > 0.0, critical_distance(V1, V2, Critical), Gap > Critical,
+    moment(T), spec_front_way(V2, T, Front), spec_rear_way(V1, T, Rear), Gap + Front - Rear =< 0.0.
+
+property(distance_is_least, 'from any smaller gap there is a contact, if the two do no better than is assumed of them').
+violates(distance_is_least) :-
+    rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap < Critical,
+    spec_rear_stop(V1, Rear), Front is V2 * V2 / (2 * 8.0), Gap + Front - Rear >= 0.0.
+
+% ---------------------------------------------------------------------------------------------------- following
+
+% A step: the ego comes to a speed by constant acceleration, as drlsl.driving.control.move_forward does, at most by 8 m/s2 slower.
+
+property(can_stop_after_step,
+    'behind a vehicle ahead where it can stop now, the ego still can after a step to at most the speed that this one calls for').
+violates(can_stop_after_step) :-
+    spec_in_path(Car), focus(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2),
+    spec_can_stop(Gap, V1, V2), spec_reaches(V1, V), in(alone, longitudinal_velocity(Most)), V =< Most,
+    \+ spec_can_stop_after(Gap, V1, V, V2).
+
+property(can_stop_after_full_braking, 'behind a vehicle ahead where it can stop now, the ego still can after a step of full braking').
+violates(can_stop_after_full_braking) :-
+    rear_speed(V1), front_speed(V2), gap_between(Gap), spec_can_stop(Gap, V1, V2), time_step(Dt), V is max(0.0, V1 - 8.0 * Dt),
+    \+ spec_can_stop_after(Gap, V1, V, V2).
+
+property(no_contact_within_step, 'where it can stop after a step, at no moment of the step does the ego touch a vehicle ahead that is no faster').
+violates(no_contact_within_step) :-
+    rear_speed(V1), front_speed(V2), gap_between(Gap), spec_reaches(V1, V), spec_can_stop_after(Gap, V1, V, V2),
+    step_share(Share), time_step(Dt), W is V1 + (V - V1) * Share, speed_by_then(U), U =< W,
+    Gap + (V2 * V2 - U * U) / (2 * 8.0) - (V1 + W) / 2 * Share * Dt =< 0.0.
+
+property(can_stop_after_change, 'one step after a lane change is offered, the ego can stop behind every vehicle ahead there').
+violates(can_stop_after_change) :-
+    spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset > 0.0,
+    spec_speed(ego, V1), spec_speed(Car, V2), spec_reaches(V1, V), time_step(Dt), V =< V1 + 3.0 * Dt,
+    \+ spec_can_stop_after(Gap, V1, V, V2).
+
+property(can_stop_at_entry, 'where the ego comes onto the road, it can stop behind every vehicle ahead in its lane').
+violates(can_stop_at_entry) :-
+    entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), Offset > 0.0,
+    spec_speed(ego, V1), spec_speed(Car, V2), \+ spec_can_stop(Gap, V1, V2).
+
+% spec_can_stop(Gap, V1, V2): the ego, at speed V1, can stop behind a vehicle that brakes at its hardest from speed V2.
+spec_can_stop(Gap, V1, V2) :- Gap > 0.0, spec_stop(V1, S), Gap + V2 * V2 / (2 * 8.0) > S.
+
+% spec_can_stop_after(Gap, V1, V, V2): the same after a step from speed V1 to V, in which that vehicle brakes at its hardest: where
+% it will stop stays the same.
+spec_can_stop_after(Gap, V1, V, V2) :- time_step(Dt), spec_stop(V, S), Gap + V2 * V2 / (2 * 8.0) - (V1 + V) / 2 * Dt > S.
+
+% spec_stop(V, S): the way in which the ego stops by braking at 8 m/s2, or a little more where it stops within a step.
+spec_stop(V, S) :- time_step(Dt), V > 4.0 * Dt, S is V * V / (2 * 8.0) + Dt * Dt.
+spec_stop(V, S) :- time_step(Dt), V =< 4.0 * Dt, S is V * Dt / 2.
+
+% spec_reaches(V1, V): V may be the ego's speed a step after V1, as far as its brakes go.
+spec_reaches(V1, V) :- reached_speed(V), time_step(Dt), V >= V1 - 8.0 * Dt.
+
+% ------------------------------------------------------------------------------------------------------- images
+
+% alone: only the ego and the vehicle in focus.
+image(alone, vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width),
+    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), ( Id == ego -> true ; focus(Id) ) )).
