@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +20,10 @@ def query(
     state: Annotated[
         Path, typer.Option("--state", metavar="FILE", help="The scene, as JSON; docs/scene.md describes it.")
     ],
+    actions: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="ACTION...", help="What --what-if is asked about; default: every action."),
+    ] = None,
     rules: Annotated[
         list[Path] | None,
         typer.Option(
@@ -31,35 +36,103 @@ def query(
     ] = None,
     explain: Annotated[
         bool,
-        typer.Option("--explain", help="Print the proof of every safe action, and why the others have none."),
+        typer.Option(
+            "--explain",
+            help="Print the proof of every safe action and of the speed, and why others have none.",
+        ),
     ] = False,
+    what_if: Annotated[
+        bool,
+        typer.Option(
+            "--what-if", help="Print the least change of a gap or a speed that would change the decision."
+        ),
+    ] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture", metavar="FILE", help="Draw the decision and its reasons here, as .png, .pdf or .svg."
+        ),
+    ] = None,
+    time_limit: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0.1, help="For one action, with --what-if.")
+    ] = 10.0,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the changed scenes of --what-if here, as scene files."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print which actions are safe in a scene, what speaks against the others, and the target speed."""
     from drlsl.driving.scene_file import load_scene
     from drlsl.driving.shield import Shield
 
+    _check_options(goal, explain, what_if, actions, out)
     scene = load_scene(state)
     shield = Shield.from_files(rules or ())
+    if picture is not None:
+        _draw(shield, scene, picture)
     if goal is not None:
         shield.state_facts(scene)
         _print_solutions(shield, goal, as_json=as_json)
+    elif what_if:
+        from drlsl.cli.what_if import print_what_if
+
+        print_what_if(shield, scene, actions or (), time_limit=time_limit, out=out, as_json=as_json)
     elif explain:
         shield.state_facts(scene)
-        _print_explanations(shield, as_json=as_json)
+        _print_explanations(shield, scene, as_json=as_json)
     else:
         _print_decision(shield, scene, as_json=as_json)
 
 
-def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
-    from drlsl.driving.shield import LIMITS
+def _check_options(
+    goal: str | None, explain: bool, what_if: bool, actions: list[str] | None, out: Path | None
+) -> None:
+    from drlsl.errors import UserError
+
+    asked = {"--goal": goal is not None, "--explain": explain, "--what-if": what_if}
+    given = [option for option, is_given in asked.items() if is_given]
+    if len(given) > 1:
+        raise UserError(f"{' and '.join(given)} print different things; give one of them")
+    if not what_if and (actions or out is not None):
+        what = f"the action {actions[0]}" if actions else "--out"
+        raise UserError(f"{what} goes with --what-if, which is not given")
+
+
+@contextmanager
+def _failures_as_errors(*, what: str = "") -> Iterator[None]:
+    """What rules without a usable answer raise, as one line for people."""
+    from drlsl.driving.shield import LIMITS, RuleFailure
     from drlsl.errors import UserError
     from drlsl.logic import LimitExceeded
 
     try:
-        solutions = list(shield.engine.query(goal, limits=LIMITS))
+        yield
+    except RuleFailure as failure:
+        raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
     except LimitExceeded as error:
-        raise UserError(f"gave up on {goal}: it went beyond {LIMITS.inferences:,} inferences") from error
+        raise UserError(f"gave up{what}: it went beyond {LIMITS.inferences:,} inferences") from error
+
+
+def _draw(shield: Shield, scene: Scene, path: Path) -> None:
+    """Write the picture of a decision."""
+    from drlsl.driving.decision_picture import draw_decision
+    from drlsl.driving.picture import check_picture_path, save_picture
+    from drlsl.driving.reasons import objections, speed_reason
+
+    check_picture_path(path)
+    with _failures_as_errors():
+        decision = shield.decide(scene)
+        unsafe = objections(shield, decision)
+        reason = speed_reason(shield, scene, decision.target_speed)
+    save_picture(draw_decision(scene, decision, unsafe, reason), path)
+
+
+def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
+    from drlsl.driving.shield import LIMITS
+
+    with _failures_as_errors(what=f" on {goal}"):
+        solutions = list(shield.engine.query(goal, limits=LIMITS))
     if as_json:
         rows = [{name: _plain(value) for name, value in solution.items()} for solution in solutions]
         print(json.dumps({"goal": goal, "solutions": rows}, indent=2))
@@ -72,15 +145,49 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
         )
 
 
-def _print_explanations(shield: Shield, *, as_json: bool) -> None:
-    from drlsl.driving.actions import ATOMS
+def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
+    """Proofs and why-not of the actions and the target speed, each after what it comes to."""
+    from drlsl.driving.actions import Action
+    from drlsl.driving.reasons import objections_to, speed_reason
     from drlsl.driving.shield import LIMITS
 
-    found = {atom: shield.engine.explain(f"safe_actions({atom})", limits=LIMITS) for atom in ATOMS}
+    with _failures_as_errors():
+        proofs = {
+            action: shield.engine.explain(f"safe_actions({action.atom})", limits=LIMITS) for action in Action
+        }
+        against = objections_to(shield, (action for action, proof in proofs.items() if not proof.holds))
+        speed = shield.engine.explain("longitudinal_velocity(Speed)", limits=LIMITS)
+        target = speed.bindings.get("Speed")
+        number = target if isinstance(target, int | float) else None
+        reason = None if number is None else speed_reason(shield, scene, number)
     if as_json:
-        print(json.dumps({atom: explanation.to_dict() for atom, explanation in found.items()}, indent=2))
-    else:
-        print("\n\n".join(explanation.text() for explanation in found.values()))
+        data: dict[str, Any] = {
+            action.atom: {
+                "offered": proof.holds,
+                "objections": [objection.as_json() for objection in against.get(action, ())],
+                **proof.to_dict(),
+            }
+            for action, proof in proofs.items()
+        }
+        data["target_speed"] = {
+            "value": number,
+            "decided_by": None if reason is None else reason.as_json(),
+            **speed.to_dict(),
+        }
+        print(json.dumps(data, indent=2))
+        return
+    for action, proof in proofs.items():
+        print(f"{action.atom} is {_offered(proof.holds, against.get(action, ()))}\n{proof.text()}\n")
+    if number is not None:
+        decided = "no single vehicle decides it" if reason is None else reason.words()
+        print(f"target speed {number:.2f} m/s: {decided}")
+    print(speed.text())
+
+
+def _offered(holds: bool, against: Sequence[Objection]) -> str:
+    if holds:
+        return "offered"
+    return "not offered: " + ("; ".join(one.words() for one in against) or "not derived by the rules")
 
 
 def _plain(value: object) -> Any:
@@ -92,14 +199,10 @@ def _plain(value: object) -> Any:
 
 def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
     from drlsl.driving.reasons import busy_sections, objections
-    from drlsl.driving.shield import RuleFailure
-    from drlsl.errors import UserError
 
-    try:
+    with _failures_as_errors():
         decision = shield.decide(scene)
-    except RuleFailure as failure:
-        raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
-    unsafe, sections = objections(shield, decision), busy_sections(shield)
+        unsafe, sections = objections(shield, decision), busy_sections(shield)
     if as_json:
         print(
             json.dumps(
@@ -139,7 +242,7 @@ def _report(
     if unsafe:
         yield "unsafe"
     for action, found in unsafe.items():
-        reasons = [_words(objection) for objection in found] or ["not derived by the rules"]
+        reasons = [objection.words() for objection in found] or ["not derived by the rules"]
         yield f"  {action.atom:<18} {reasons[0]}"
         yield from (f"  {'':<18} {reason}" for reason in reasons[1:])
     yield f"target speed  {decision.target_speed:.2f} m/s"
@@ -147,15 +250,6 @@ def _report(
     for name, busy in sections.items():
         yield f"  {name:<12} {f'{busy.vehicle}, {_metres(busy.gap)}' if busy else 'free'}"
     yield "observation   " + " ".join(f"{number:.3f}" for number in decision.observation)
-
-
-def _words(objection: Objection) -> str:
-    if objection.vehicle is None or objection.gap is None or objection.needed is None:
-        words = objection.reason.replace("_", " ")
-        details = [detail if isinstance(detail, str) else f"{detail:.4g}" for detail in objection.details]
-        return f"{words}: {', '.join(details)}" if details else words
-    place = "alongside" if objection.gap <= 0 else f"{objection.gap:.1f} m away"
-    return f"{objection.vehicle} is {place}, {objection.needed:.1f} m needed"
 
 
 def _metres(gap: float) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from drlsl.driving.actions import Action, action_of_atom
+from drlsl.driving.scene import Scene
 from drlsl.driving.shield import LIMITS, Decision, Shield
 from drlsl.logic import Compound
 
@@ -26,6 +29,11 @@ class Objection:
     needed: float | None = None
     details: tuple[str | float, ...] = ()
 
+    @property
+    def missing(self) -> float | None:
+        """By how much the gap is too short [m]."""
+        return None if self.gap is None or self.needed is None else self.needed - self.gap
+
     def as_json(self) -> dict[str, Any]:
         """The fields that are given."""
         fields = {
@@ -33,9 +41,19 @@ class Objection:
             "vehicle": self.vehicle,
             "gap": self.gap,
             "needed": self.needed,
+            "missing": self.missing,
             "details": list(self.details) or None,
         }
         return {name: value for name, value in fields.items() if value is not None}
+
+    def words(self) -> str:
+        """The reason for people."""
+        if self.gap is None or self.needed is None or self.missing is None:
+            details = [detail if isinstance(detail, str) else f"{detail:.4g}" for detail in self.details]
+            reason = self.reason.replace("_", " ")
+            return f"{reason}: {', '.join(details)}" if details else reason
+        place = "alongside" if self.gap <= 0 else f"{self.gap:.1f} m away"
+        return f"{self.vehicle} is {place}, {self.needed:.1f} m needed: {self.missing:.1f} m missing"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,18 +64,37 @@ class BusySection:
     gap: float
 
 
-def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
-    """For every action that `decision` does not offer, what speaks against it, nearest vehicle first.
+@dataclass(frozen=True, slots=True)
+class SpeedReason:
+    """The vehicle that decides the target speed, and what that would be `without` it [m/s]."""
 
-    Asks `objection(Action, Reason)` about the scene that was decided last; a program that does not define it
+    vehicle: str
+    without: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Both fields."""
+        return {"vehicle": self.vehicle, "without": self.without}
+
+    def words(self) -> str:
+        """The reason for people."""
+        return f"{self.vehicle} decides it; without it {self.without:.2f} m/s"
+
+
+def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
+    """For every action that `decision` does not offer, what speaks against it: see `objections_to`."""
+    return objections_to(shield, (action for action in Action if action not in decision.safe_actions))
+
+
+def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, list[Objection]]:
+    """What speaks against each of some actions that are not offered, nearest vehicle first.
+
+    Asks `objection(Action, Reason)` about the scene that was told last; a program that does not define it
     gives no reasons.
 
     Raises:
         PrologError: the rules raised an error.
     """
-    unsafe: dict[Action, list[Objection]] = {
-        action: [] for action in Action if action not in decision.safe_actions
-    }
+    unsafe: dict[Action, list[Objection]] = {action: [] for action in actions}
     if shield.engine.defines("objection", 2):
         for solution in shield.engine.query("objection(Action, Reason)", limits=LIMITS):
             action = action_of_atom(solution["Action"])
@@ -85,6 +122,26 @@ def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
             if known is None or found.gap < known.gap:
                 nearest[section] = found
     return nearest
+
+
+def speed_reason(shield: Shield, scene: Scene, target_speed: float) -> SpeedReason | None:
+    """The vehicle without which `target_speed` [m/s] would be most another; None where no single one matters.
+
+    The rules are asked about the scene once more without each vehicle in turn, and then told `scene` again.
+
+    Raises:
+        RuleFailure, PrologError: the rules raised an error.
+    """
+    reasons = []
+    for car in scene.in_range():
+        others = tuple(other for other in scene.vehicles if other is not car)
+        shield.state_facts(replace(scene, vehicles=others))
+        found = shield.engine.once("longitudinal_velocity(Speed)", limits=LIMITS)
+        speed = math.nan if found is None else _number(found["Speed"])
+        if math.isfinite(speed) and speed != target_speed:
+            reasons.append(SpeedReason(car.id, speed))
+    shield.state_facts(scene)
+    return max(reasons, key=lambda reason: abs(reason.without - target_speed), default=None)
 
 
 def _objection(term: object) -> Objection:

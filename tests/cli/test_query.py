@@ -40,6 +40,7 @@ def test_the_answer_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
     assert objection["vehicle"] == "sports_car"
     assert objection["gap"] == pytest.approx(33.4)
     assert objection["needed"] > objection["gap"]
+    assert objection["missing"] == pytest.approx(objection["needed"] - objection["gap"])
     assert 0 < data["target_speed"] < 29.5
     assert len(data["observation"]) == 10
     assert data["sections"]["front"]["vehicle"] == "truck"
@@ -48,13 +49,61 @@ def test_the_answer_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_answer_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     text = answer(capsys)
-    assert "left_lane_change   sports_car is 33.4 m away, 89.5 m needed" in text
+    assert "left_lane_change   sports_car is 33.4 m away, 89.5 m needed: 56.1 m missing" in text
     assert "front        truck, 47.5 m" in text
 
 
 def test_the_readme_shows_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     shown = "\n".join(f"    {line}" if line else "" for line in answer(capsys).rstrip().split("\n"))
     assert shown in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_explanations_name_who_decides_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = answer(capsys, "--explain").splitlines()
+    assert [line for line in lines if line and not line.startswith(" ")] == [
+        "lane_keeping is offered",
+        "safe_actions(lane_keeping) holds",
+        "left_lane_change is not offered: sports_car is 33.4 m away, 89.5 m needed: 56.1 m missing",
+        "safe_actions(left_lane_change) fails",
+        "right_lane_change is offered",
+        "safe_actions(right_lane_change) holds",
+        "target speed 29.37 m/s: truck decides it; without it 29.62 m/s",
+        "longitudinal_velocity(Speed) holds with Speed = 29.3719",
+    ]
+
+
+def test_explanations_name_who_decides_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
+    data = json.loads(answer(capsys, "--explain", "--json"))
+    assert set(data) == {*ACTIONS, "target_speed"}
+    left = data["left_lane_change"]
+    assert (left["offered"], left["holds"]) == (False, False)
+    assert left["objections"][0]["vehicle"] == "sports_car"
+    assert left["objections"][0]["missing"] == pytest.approx(56.143, abs=1e-3)
+    assert left["steps"]
+    assert data["lane_keeping"]["objections"] == []
+    speed = data["target_speed"]
+    assert speed["value"] == speed["bindings"]["Speed"] == pytest.approx(29.372, abs=1e-3)
+    assert speed["decided_by"]["vehicle"] == "truck"
+    assert speed["decided_by"]["without"] > speed["value"]
+
+
+@pytest.mark.parametrize("also", [[], ["--explain"], ["--json"], ["--goal", "front_is_busy"]])
+@pytest.mark.parametrize(("ending", "start"), [("png", b"\x89PNG"), ("svg", b"<?xml")])
+def test_pictures(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, also: list[str], ending: str, start: bytes
+) -> None:
+    path = tmp_path / f"decision.{ending}"
+    assert answer(capsys, *also, "--picture", str(path)) == answer(capsys, *also)
+    assert path.read_bytes().startswith(start)
+
+
+def test_pictures_that_cannot_be(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for name, expected in [
+        ("decision.odt", "the name must end in ."),
+        ("none/decision.png", "No such file"),
+    ]:
+        assert expected in refusal(capsys, "query", "--state", SCENE, "--picture", str(tmp_path / name))
+    assert not list(tmp_path.iterdir())
 
 
 def test_goals(capsys: pytest.CaptureFixture[str]) -> None:
@@ -87,6 +136,10 @@ def test_more_files_than_one(capsys: pytest.CaptureFixture[str], tmp_path: Path)
         (["query", "--state", SCENE, "--goal", "X is 1 / 0"], "zero_divisor"),
         (["query", "--state", SCENE, "--goal", "repeat, fail"], "gave up on repeat, fail"),
         (["query", "--state", SCENE, "--rules", "none.pl"], "none.pl"),
+        (["query", "--state", SCENE, "--explain", "--goal", "true"], "--goal and --explain print different"),
+        (["query", "--state", SCENE, "--explain", "--what-if"], "--explain and --what-if print different"),
+        (["query", "--state", SCENE, "left_lane_change"], "the action left_lane_change goes with --what-if"),
+        (["query", "--state", SCENE, "--out", "scenes"], "--out goes with --what-if"),
         (["nothing"], "nothing"),
     ],
     ids=lambda value: " ".join(value[2:]) if isinstance(value, list) else "",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from drlsl.driving.actions import Action
-from drlsl.driving.reasons import Objection, objections
+from drlsl.driving.reasons import Objection, objections, speed_reason
 from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
 from tests.driving.test_shield import SCENE, USABLE
@@ -18,7 +20,7 @@ from tests.driving.test_shield import SCENE, USABLE
         (
             "too_close(a, -1, 2.5)",
             Objection("too_close", "a", -1.0, 2.5),
-            {"reason": "too_close", "vehicle": "a", "gap": -1.0, "needed": 2.5},
+            {"reason": "too_close", "vehicle": "a", "gap": -1.0, "needed": 2.5, "missing": 3.5},
         ),
         (
             "rough_road(bridge, 2.5, 3)",
@@ -51,3 +53,42 @@ def test_the_nearest_vehicle_comes_first() -> None:
     shield = Shield(engine)
     found = objections(shield, shield.decide(SCENE))[Action.LEFT_LANE_CHANGE]
     assert [objection.details or objection.vehicle for objection in found] == [("a",), ("z",), "b", "a"]
+
+
+@pytest.mark.parametrize(
+    ("objection", "words"),
+    [
+        (Objection("too_close", "v2", 5.4, 66.5), "v2 is 5.4 m away, 66.5 m needed: 61.1 m missing"),
+        (Objection("too_close", "v2", -3.2, 66.5), "v2 is alongside, 66.5 m needed: 69.7 m missing"),
+        (Objection("no_lane"), "no lane"),
+        (Objection("rough_road", details=("bridge", 2.5)), "rough road: bridge, 2.5"),
+    ],
+)
+def test_words(objection: Objection, words: str) -> None:
+    assert objection.words() == words
+
+
+def test_the_vehicle_that_decides_the_speed() -> None:
+    shield = Shield.default()
+    near = SCENE.ego._replace(id="near", x=40.0, vx=25.0)
+    far = near._replace(id="far", x=80.0, vx=31.0)
+    beside = near._replace(id="beside", lane=1, y=1.75, x=30.0)
+    scene = replace(SCENE, vehicles=(far, beside, near))
+    decision = shield.decide(scene)
+    reason = speed_reason(shield, scene, decision.target_speed)
+    assert reason is not None
+    assert reason.vehicle == "near"
+    without = shield.decide(replace(scene, vehicles=(far, beside)))
+    assert reason.without == without.target_speed > decision.target_speed
+    assert reason.words() == f"near decides it; without it {without.target_speed:.2f} m/s"
+    shield.decide(scene)
+    speed_reason(shield, scene, decision.target_speed)
+    assert shield.engine.holds("vehicle(near, _, _, _, _, _, _, _)")
+
+
+def test_nobody_decides_the_speed_on_a_free_road_or_where_two_do_alike() -> None:
+    shield = Shield.default()
+    assert speed_reason(shield, SCENE, shield.decide(SCENE).target_speed) is None
+    twins = tuple(SCENE.ego._replace(id=name, x=40.0, vx=25.0) for name in ("one", "other"))
+    scene = replace(SCENE, vehicles=twins)
+    assert speed_reason(shield, scene, shield.decide(scene).target_speed) is None

@@ -291,9 +291,7 @@ def check_against_trying(scene: Scene, name: str) -> None:
         for kind in ("gap", "speed", "ego_speed"):
             finding = answer.findings()[kind]
             assert finding is not None
-            if finding.status == "unknown":
-                assert "rounding limit" in finding.reason
-                continue
+            assert finding.status in ("found", "none"), finding
             below = MOST[kind] if finding.least is None else finding.least
             for other in smaller(scene, kind, below):
                 assert offers(name, other, answer.action) == answer.offered, (kind, finding)
@@ -318,6 +316,15 @@ def check_confirmed(scene: Scene, answer: Answer, finding: Finding, name: str) -
     assert finding.least - FINE <= total <= max(1.05 * finding.least + FINE, finding.least + 2e-3)
 
 
+def nudged(scene: Scene) -> Scene:
+    """The scene with nobody exactly at a limit, where rounding would decide and not the rules."""
+    vehicles = tuple(
+        one._replace(x=one.x + 0.0137 * number, y=one.y + 0.0031 * number)
+        for number, one in enumerate(scene.vehicles, start=1)
+    )
+    return replace(scene, vehicles=vehicles)
+
+
 TRY = settings(
     max_examples=12,
     deadline=None,
@@ -329,21 +336,21 @@ TRY = settings(
 @TRY
 @given(scene=scenes(most=5))
 def test_nothing_smaller_does_it(scene: Scene) -> None:
-    check_against_trying(scene, "highway.pl")
+    check_against_trying(nudged(scene), "highway.pl")
 
 
 @TRY
 @given(scene=scenes(most=4))
 def test_nothing_smaller_does_it_by_the_published_rules(scene: Scene) -> None:
-    check_against_trying(scene, "paper.pl")
+    check_against_trying(nudged(scene), "paper.pl")
 
 
 @pytest.mark.slow
 @settings(TRY, max_examples=150)
 @given(scene=scenes(most=8))
 def test_nothing_smaller_does_it_in_many_scenes(scene: Scene) -> None:
-    check_against_trying(scene, "highway.pl")
-    check_against_trying(scene, "paper.pl")
+    check_against_trying(nudged(scene), "highway.pl")
+    check_against_trying(nudged(scene), "paper.pl")
 
 
 # ---------------------------------------------------------------- what cannot be told

@@ -1,0 +1,157 @@
+"""`drlsl query --what-if`: what would have to change for another decision."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from drlsl.driving.actions import Action
+    from drlsl.driving.reasons import Objection
+    from drlsl.driving.scene import Scene
+    from drlsl.driving.shield import Shield
+    from drlsl.verify.whatif import Answer, Change, Finding
+
+
+def print_what_if(
+    shield: Shield,
+    scene: Scene,
+    names: Sequence[str],
+    *,
+    time_limit: float,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Print the least changes for the actions of these names, or for all.
+
+    Raises:
+        UserError: z3 is not installed, no action has that name, `out` exists or cannot be written, or the
+            rules cannot be asked.
+    """
+    from drlsl.errors import UserError
+
+    if find_spec("z3") is None:
+        raise UserError("a what-if needs z3-solver: pip install 'drlsl[verify]'")
+    actions = _actions(names)
+    if out is not None and out.exists():
+        raise UserError(f"{out} exists; name a new folder for the scenes")
+    from drlsl.driving.reasons import objections_to
+    from drlsl.driving.shield import RuleFailure
+    from drlsl.verify.whatif import what_if
+
+    try:
+        answers = what_if(shield, scene, actions, time_limit=time_limit)
+    except RuleFailure as failure:
+        raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
+    shield.state_facts(scene)
+    against = objections_to(shield, (answer.action for answer in answers if not answer.offered))
+    written = _write(answers, out) if out is not None else ()
+    if as_json:
+        print(json.dumps({answer.action.atom: answer.as_json() for answer in answers}, indent=2))
+    else:
+        for answer in answers:
+            print("\n".join(_lines(answer, scene, against.get(answer.action, ()))))
+        print("\n".join(f"wrote {path}" for path in written), end="\n" if written else "")
+
+
+def _actions(names: Sequence[str]) -> list[Action]:
+    from drlsl.driving.actions import ATOMS, Action
+    from drlsl.errors import UserError
+
+    for name in names:
+        if name not in ATOMS:
+            raise UserError(f"there is no action {name}; there are {', '.join(ATOMS)}")
+    return [action for action in Action if not names or action.atom in names]
+
+
+def _write(answers: Sequence[Answer], out: Path) -> list[Path]:
+    """The changed scenes, as files."""
+    from drlsl.driving.scene_file import scene_json
+    from drlsl.errors import UserError
+
+    scenes = {
+        f"{answer.action.atom}.{kind}.json": finding.scene
+        for answer in answers
+        for kind, finding in answer.findings().items()
+        if finding is not None and finding.scene is not None
+    }
+    try:
+        out.mkdir(parents=True)
+        for name, scene in scenes.items():
+            (out / name).write_text(scene_json(scene), encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write {out}: {error.strerror}") from error
+    return [out / name for name in scenes]
+
+
+# ---------------------------------------------------------------- words
+
+
+def _lines(answer: Answer, scene: Scene, against: Sequence[Objection]) -> Iterator[str]:
+    """What a person reads about one action."""
+    name = f"{answer.action.atom:<18}"
+    state = "is offered" if answer.offered else "is not offered"
+    others = [one.words() for one in against if one.vehicle is None]
+    if others:
+        state += f" ({', '.join(others)})"
+    findings = [one for one in answer.findings().values() if one is not None]
+    found = [one for one in findings if one.status == "found"]
+    single = [one for one in found if one is not answer.gaps]
+    unknown = [(kind, one) for kind, one in answer.findings().items() if one and one.status == "unknown"]
+    would = "it would not be if" if answer.offered else "it would be if"
+    if single:
+        state += f"; {would}"
+    elif not unknown:
+        several = "" if answer.offered or answer.gaps else ", or of several gaps,"
+        state += f"; no change of one gap or speed{several} would alter that"
+    yield f"{name} {state}"
+    for number, finding in enumerate(single):
+        yield f"{'':<21}{'or ' if number else ''}{_sentence(finding, scene)}"
+    if answer.gaps is not None:
+        yield from _joint(answer.gaps, scene, would)
+    for kind, finding in unknown:
+        yield f"{'':<19}unknown for {_KINDS[kind]}: {finding.reason}"
+
+
+_KINDS: Final = {
+    "gap": "one vehicle elsewhere",
+    "gap_without_passing": "one vehicle elsewhere that does not pass the ego",
+    "speed": "one vehicle's speed",
+    "ego_speed": "the ego's speed",
+    "gaps": "several vehicles elsewhere",
+}
+
+
+def _joint(finding: Finding, scene: Scene, would: str) -> Iterator[str]:
+    if finding.status == "none":
+        yield f"{'':<19}no change of several gaps would either"
+    elif finding.status == "found":
+        total = sum(abs(change.change) for change in finding.changes)
+        rest = f"; at least {finding.least:.1f} m, {finding.reason}" if finding.reason else ""
+        yield f"{'':<19}{would}"
+        yield f"{'':<21}{_sentence(finding, scene)}: {total:.1f} m in all{rest}"
+
+
+def _sentence(finding: Finding, scene: Scene) -> str:
+    return " and ".join(_words(change, finding, scene) for change in finding.changes)
+
+
+def _words(change: Change, finding: Finding, scene: Scene) -> str:
+    """One change: by how much, which way, and what comes of it."""
+    assert finding.scene is not None
+    amount = f"{abs(change.change):.9g}"
+    if change.quantity == "vx":
+        who = "the ego" if change.vehicle == scene.ego.id else change.vehicle
+        way = "faster" if change.change > 0 else "slower"
+        return f"{who} drove {amount} m/s {way}, at {abs(change.after):.4g} m/s"
+    way = "further ahead" if change.change > 0 else "further back"
+    if change.out_of_sight:
+        return f"{change.vehicle} were {amount} m {way}, out of sight"
+    car = next(one for one in finding.scene.vehicles if one.id == change.vehicle)
+    gap = abs(car.x - scene.ego.x) - (car.length + scene.ego.length) / 2
+    place = "alongside" if gap <= 0 else f"with a gap of {gap:.4g} m"
+    passing = ", past the ego" if (change.before - scene.ego.x) * (change.after - scene.ego.x) < 0 else ""
+    return f"{change.vehicle} were {amount} m {way}{passing}, {place}"
