@@ -109,7 +109,7 @@ def _lines(answer: Answer, scene: Scene, against: Sequence[Objection]) -> Iterat
         state += f"; no change of one gap or speed{several} would alter that"
     yield f"{name} {state}"
     for number, finding in enumerate(single):
-        yield f"{'':<21}{'or ' if number else ''}{_sentence(finding, scene)}"
+        yield f"{'':<21}{'or ' if number else ''}{_words(finding.changes[0], finding, scene)}"
     if answer.gaps is not None:
         yield from _joint(answer.gaps, scene, would)
     for kind, finding in unknown:
@@ -129,29 +129,33 @@ def _joint(finding: Finding, scene: Scene, would: str) -> Iterator[str]:
     if finding.status == "none":
         yield f"{'':<19}no change of several gaps would either"
     elif finding.status == "found":
-        total = sum(abs(change.change) for change in finding.changes)
-        rest = f"; at least {finding.least:.1f} m, {finding.reason}" if finding.reason else ""
         yield f"{'':<19}{would}"
-        yield f"{'':<21}{_sentence(finding, scene)}: {total:.1f} m in all{rest}"
-
-
-def _sentence(finding: Finding, scene: Scene) -> str:
-    return " and ".join(_words(change, finding, scene) for change in finding.changes)
+        for number, change in enumerate(finding.changes):
+            yield f"{'':<21}{'and ' if number else ''}{_words(change, finding, scene)}"
+        total = _decimal(sum(abs(change.change) for change in finding.changes), 9)
+        rest = f" (no less than {finding.least:.1f} m: {finding.reason})" if finding.reason else ""
+        yield f"{'':<21}{total} m in all{rest}"
 
 
 def _words(change: Change, finding: Finding, scene: Scene) -> str:
     """One change: by how much, which way, and what comes of it."""
     assert finding.scene is not None
-    amount = f"{abs(change.change):.9g}"
+    amount = _decimal(abs(change.change), 9)
     if change.quantity == "vx":
         who = "the ego" if change.vehicle == scene.ego.id else change.vehicle
         way = "faster" if change.change > 0 else "slower"
-        return f"{who} drove {amount} m/s {way}, at {abs(change.after):.4g} m/s"
+        return f"{who} drove {amount} m/s {way}, at {_decimal(abs(change.after))} m/s"
     way = "further ahead" if change.change > 0 else "further back"
     if change.out_of_sight:
         return f"{change.vehicle} were {amount} m {way}, out of sight"
     car = next(one for one in finding.scene.vehicles if one.id == change.vehicle)
     gap = abs(car.x - scene.ego.x) - (car.length + scene.ego.length) / 2
-    place = "alongside" if gap <= 0 else f"with a gap of {gap:.4g} m"
+    place = "alongside" if gap <= 0 else f"with a gap of {_decimal(gap)} m"
     passing = ", past the ego" if (change.before - scene.ego.x) * (change.after - scene.ego.x) < 0 else ""
     return f"{change.vehicle} were {amount} m {way}{passing}, {place}"
+
+
+def _decimal(number: float, digits: int = 2) -> str:
+    """A number with up to so many decimals, and at least one."""
+    text = f"{number:.{digits}f}".rstrip("0")
+    return f"{text}0" if text.endswith(".") else text

@@ -46,13 +46,19 @@ def test_the_answer_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         "left_lane_change   is not offered; it would be if",
         "                     sports_car were 44.7 m further ahead, past the ego, with a gap of 2.1 m",
         "                     or sports_car were 56.2 m further back, with a gap of 89.6 m",
-        "                     or sports_car drove 9.2 m/s slower, at 29 m/s",
+        "                     or sports_car drove 9.2 m/s slower, at 29.0 m/s",
         "                     or the ego drove 12.6 m/s faster, at 42.1 m/s",
         "right_lane_change  is offered; it would not be if",
         "                     hatchback were 11.4 m further back, with a gap of 33.25 m",
-        "                     or hatchback drove 3.2 m/s slower, at 27 m/s",
+        "                     or hatchback drove 3.2 m/s slower, at 27.0 m/s",
         "                     or the ego drove 2.1 m/s faster, at 31.6 m/s",
     ]
+
+
+@needs_z3
+def test_the_documentation_shows_what_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = "".join(f"    {line}\n" for line in ask(capsys, "left_lane_change").splitlines())
+    assert shown in (RULES.parent / "docs" / "explain.md").read_text(encoding="utf-8")
 
 
 @needs_z3
@@ -127,8 +133,8 @@ def test_two_that_object_and_no_lane(capsys: pytest.CaptureFixture[str], tmp_pat
     assert lines[0] == "left_lane_change   is not offered; no change of one gap or speed would alter that"
     assert lines[1].strip() == "it would be if"
     assert lines[2].strip().startswith("sports_car were ")
-    assert " and van were " in lines[2]
-    assert lines[2].endswith(" m in all")
+    assert lines[3].strip().startswith("and van were ")
+    assert lines[4].endswith(" m in all")
 
     edge = load_scene(SCENE)
     lane = edge.road.lanes[-1]
