@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import strategies as st
 
 from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
@@ -105,3 +107,20 @@ def scenes(draw: st.DrawFn, most: int = 8) -> Scene:
     count = draw(st.integers(0, most))
     others = tuple(draw(vehicles(f"v{index}", on, ego)) for index in range(count))
     return Scene(on, ego, others, target)
+
+
+def turned(scene: Scene) -> Scene:
+    """The scene with the road turned round: what ran right to left runs left to right."""
+
+    def vehicle(one: Vehicle) -> Vehicle:
+        return one._replace(x=-one.x, y=-one.y, vx=-one.vx, vy=-one.vy)
+
+    ways = {
+        Direction.LEFT_TO_RIGHT: Direction.RIGHT_TO_LEFT,
+        Direction.RIGHT_TO_LEFT: Direction.LEFT_TO_RIGHT,
+    }
+    lanes = tuple(
+        replace(lane, centre=-lane.centre, direction=ways[lane.direction]) for lane in scene.road.lanes
+    )
+    other = replace(scene.road, lanes=lanes)
+    return Scene(other, vehicle(scene.ego), tuple(map(vehicle, scene.vehicles)), scene.target_lane)

@@ -100,7 +100,7 @@ def _check_options(
 
 
 @contextmanager
-def _failures_as_errors(*, what: str = "") -> Iterator[None]:
+def failures_as_errors(*, what: str = "") -> Iterator[None]:
     """What rules without a usable answer raise, as one line for people."""
     from drlsl.driving.shield import LIMITS, RuleFailure
     from drlsl.errors import UserError
@@ -121,7 +121,7 @@ def _draw(shield: Shield, scene: Scene, path: Path) -> None:
     from drlsl.driving.reasons import objections, speed_reason
 
     check_picture_path(path)
-    with _failures_as_errors():
+    with failures_as_errors():
         decision = shield.decide(scene)
         unsafe = objections(shield, decision)
         reason = speed_reason(shield, scene, decision.target_speed)
@@ -131,7 +131,7 @@ def _draw(shield: Shield, scene: Scene, path: Path) -> None:
 def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
     from drlsl.driving.shield import LIMITS
 
-    with _failures_as_errors(what=f" on {goal}"):
+    with failures_as_errors(what=f" on {goal}"):
         solutions = list(shield.engine.query(goal, limits=LIMITS))
     if as_json:
         rows = [{name: _plain(value) for name, value in solution.items()} for solution in solutions]
@@ -151,7 +151,7 @@ def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
     from drlsl.driving.reasons import objections_to, speed_reason
     from drlsl.driving.shield import LIMITS
 
-    with _failures_as_errors():
+    with failures_as_errors():
         proofs = {
             action: shield.engine.explain(f"safe_actions({action.atom})", limits=LIMITS) for action in Action
         }
@@ -200,7 +200,7 @@ def _plain(value: object) -> Any:
 def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
     from drlsl.driving.reasons import busy_sections, objections
 
-    with _failures_as_errors():
+    with failures_as_errors():
         decision = shield.decide(scene)
         unsafe, sections = objections(shield, decision), busy_sections(shield)
     if as_json:

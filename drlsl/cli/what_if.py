@@ -8,6 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from drlsl.cli.query import failures_as_errors
+
 if TYPE_CHECKING:
     from drlsl.driving.actions import Action
     from drlsl.driving.reasons import Objection
@@ -39,15 +41,12 @@ def print_what_if(
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")
     from drlsl.driving.reasons import objections_to
-    from drlsl.driving.shield import RuleFailure
     from drlsl.verify.whatif import what_if
 
-    try:
+    with failures_as_errors():
         answers = what_if(shield, scene, actions, time_limit=time_limit)
-    except RuleFailure as failure:
-        raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
-    shield.state_facts(scene)
-    against = objections_to(shield, (answer.action for answer in answers if not answer.offered))
+        shield.state_facts(scene)
+        against = objections_to(shield, (answer.action for answer in answers if not answer.offered))
     written = _write(answers, out) if out is not None else ()
     if as_json:
         print(json.dumps({answer.action.atom: answer.as_json() for answer in answers}, indent=2))

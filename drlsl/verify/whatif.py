@@ -160,9 +160,12 @@ def what_if(
     already, and nobody farther than out of radar range.
 
     Raises:
-        UserError: the rules cannot be lowered, or offer an action that the agent does not know.
+        UserError: the rules cannot be lowered, or offer an action that the agent does not know; or two
+            vehicles have one name.
         RuleFailure: the rules give no usable answer in `scene`.
     """
+    if len({scene.ego.id, *(car.id for car in scene.vehicles)}) <= len(scene.vehicles):
+        raise UserError("two vehicles of the scene have one name; each needs one of its own")
     rules = _Rules.of(shield)
     offered = shield.decide(scene).safe_actions
     with deep_recursion():

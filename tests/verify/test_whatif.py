@@ -17,9 +17,8 @@ from drlsl.driving.scene import Scene, Vehicle
 from drlsl.driving.scene_file import load_scene
 from drlsl.driving.shield import RuleFailure, Shield, default_rules
 from drlsl.errors import UserError
-from drlsl.traffic.road import Direction
 from drlsl.verify.whatif import Answer, Finding, what_if
-from tests.scenes import road, scenes
+from tests.scenes import road, scenes, turned
 
 RULES = default_rules()[0].parent
 LEFT, RIGHT = Action.LEFT_LANE_CHANGE, Action.RIGHT_LANE_CHANGE
@@ -186,39 +185,19 @@ def test_a_gap_at_the_limit() -> None:
     assert abs(sole(answer.gap)[2]) <= 1e-3
 
 
-def mirrored(scene: Scene) -> Scene:
-    """The scene seen from the other end of the road: what ran right to left runs left to right."""
-
-    def turned(one: Vehicle) -> Vehicle:
-        return one._replace(x=-one.x, y=-one.y, vx=-one.vx, vy=-one.vy)
-
-    lanes = tuple(
-        replace(
-            lane,
-            centre=-lane.centre,
-            direction=Direction.LEFT_TO_RIGHT
-            if lane.direction is Direction.RIGHT_TO_LEFT
-            else Direction.RIGHT_TO_LEFT,
-        )
-        for lane in scene.road.lanes
-    )
-    turned_road = replace(scene.road, lanes=lanes)
-    return Scene(turned_road, turned(scene.ego), tuple(map(turned, scene.vehicles)), scene.target_lane)
-
-
 def test_both_directions_alike() -> None:
     scene = load_scene(RULES.parent / "examples" / "scene.json")
-    here, there = (what_if(shield(), one) for one in (scene, mirrored(scene)))
+    here, there = (what_if(shield(), one) for one in (scene, turned(scene)))
     for one, other in zip(here, there, strict=True):
         assert one.offered == other.offered
         for kind, finding in one.findings().items():
-            turned = other.findings()[kind]
-            if finding is None or turned is None:
-                assert finding is turned
+            same = other.findings()[kind]
+            if finding is None or same is None:
+                assert finding is same
                 continue
-            assert (finding.status, finding.least) == (turned.status, turned.least)
+            assert (finding.status, finding.least) == (same.status, same.least)
             assert [(change.vehicle, change.change) for change in finding.changes] == [
-                (change.vehicle, change.change) for change in turned.changes
+                (change.vehicle, change.change) for change in same.changes
             ]
 
 
@@ -425,3 +404,8 @@ def test_rules_that_fail_in_the_scene_are_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(RuleFailure, match="zero_divisor"):
         what_if(rules, plain(), [LEFT])
+
+
+def test_vehicles_need_names_of_their_own() -> None:
+    with pytest.raises(UserError, match="two vehicles of the scene have one name"):
+        what_if(shield(), plain(car("v", 1, 30.0, 20.0), car("v", 1, 60.0, 20.0)), [LEFT])
