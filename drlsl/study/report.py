@@ -63,9 +63,9 @@ def _blocks(results: Results) -> Iterator[Block]:
 
 def _summary(results: Results) -> Iterator[Block]:
     study = results.study
-    names = ", ".join(method.label for method in study.methods.values())
+    names = "; ".join(method.label for method in study.methods.values())
     seeds = "1 seed" if study.seeds == 1 else f"{study.seeds} seeds"
-    tests = ", ".join(test.label for test in study.tests.values())
+    tests = "; ".join(test.label for test in study.tests.values())
     yield Paragraph(
         f"{len(study.methods)} methods ({names}), {seeds} each, tested in "
         f"{study.evaluation_episodes} episodes a seed of each of these, with the shield and without: "
