@@ -4,7 +4,7 @@
 %   property(Name, Text)              a property, and what it says
 %   violates(Name)                    a scene, with some values of the unknowns, breaks it
 %   unknown(Name, Low, High, Text)    a number, any between the two: there is a fact Name(Number)
-%   image(Image, Fact, Goal)          another scene, as in properties.pl; focus(Car): any one of the vehicles
+%   in(alone, Goal)                   Goal with the vehicle of focus(Car) alone, which is any one
 %
 % The assumptions. A vehicle behind, the ego or another, speeds up by at most 3 m/s2 for its response time of 0.35 s and from then
 % on brakes by at least 6 m/s2 until it stands. A vehicle in front brakes by at most 8 m/s2. Nobody drives backward. Sideways,
@@ -12,7 +12,6 @@
 
 :- ensure_loaded('spec.pl').
 
-:- dynamic(focus/1).
 :- dynamic(moment/1).
 :- dynamic(later/1).
 :- dynamic(acceleration/1).
@@ -167,9 +166,3 @@ spec_stop(V, S) :- time_step(Dt), V =< 4.0 * Dt, S is V * Dt / 2.
 
 % spec_reaches(V1, V): V may be the ego's speed a step after V1, as far as its brakes go.
 spec_reaches(V1, V) :- reached_speed(V), time_step(Dt), V >= V1 - 8.0 * Dt.
-
-% ------------------------------------------------------------------------------------------------------- images
-
-% alone: only the ego and the vehicle in focus.
-image(alone, vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width),
-    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), ( Id == ego -> true ; focus(Id) ) )).

@@ -11,7 +11,6 @@
 
 :- ensure_loaded('spec.pl').
 
-:- dynamic(focus/1).
 :- discontiguous(property/2).
 :- discontiguous(violates/1).
 
@@ -100,11 +99,7 @@ violates(both_directions_alike) :-
     state([F, FR, R, BR, B, BL, L, FL, P, V]), in(turned, state([F1, FR1, R1, BR1, B1, BL1, L1, FL1, P1, V1])),
     ( F =\= F1 ; FR =\= FR1 ; R =\= R1 ; BR =\= BR1 ; B =\= B1 ; BL =\= BL1 ; L =\= L1 ; FL =\= FL1 ; P =\= P1 ; V =\= V1 ).
 
-% ------------------------------------------------------------------------------------------------------- images
-
-% alone: only the ego and the vehicle in focus.
-image(alone, vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width),
-    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), ( Id == ego -> true ; focus(Id) ) )).
+% ------------------------------------------------------------------------------- images; spec.pl has "alone" too
 
 % mirrored: seen in a mirror along the road.
 image(mirrored, vehicle(Id, Lane, X, Y1, Vx, Vy1, Length, Width),

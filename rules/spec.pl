@@ -2,6 +2,12 @@
 % dynamics.pl. Facts and units are those at the head of highway.pl; the numbers are repeated on purpose, so that a change of
 % the rules shows.
 
+:- dynamic(focus/1).
+
+% image(alone, Fact, Goal), focus(Car): a scene with only the ego and one vehicle, any of them.
+image(alone, vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width),
+    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), ( Id == ego -> true ; focus(Id) ) )).
+
 % spec_offered(Side): a lane change to that side is offered.
 spec_offered(left) :- safe_actions(left_lane_change).
 spec_offered(right) :- safe_actions(right_lane_change).

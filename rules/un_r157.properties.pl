@@ -2,6 +2,7 @@
 %
 % Of properties.pl, critical_distance_front, critical_distance_back, safe_entry and gives_way do not hold here, and should not:
 % they ask for the distance of RSS. The properties below say the same of the one of UN R157, and what it is good for.
+% property/2 and violates/1 are as in properties.pl, unknown/4 as in dynamics.pl.
 
 :- ensure_loaded('properties.pl').
 

@@ -162,9 +162,9 @@ def _unknowns(engine: Engine) -> tuple[dict[str, str], dict[str, Range]]:
             raise UserError(f"unknown({name}, ...): the name is taken by a fact or a range")
         if predicate is not None and predicate.clauses:
             raise UserError(f"unknown({name}, ...): {name}/1 has clauses; expected only :- dynamic({name}/1)")
-        if name in texts:
-            raise UserError(f"unknown({name}, ...) is there more than once")
-        ranges[name] = _range("unknown", name, solution["Low"], solution["High"])
+        bounds = _range("unknown", name, solution["Low"], solution["High"])
+        if ranges.setdefault(name, bounds) != bounds:
+            raise UserError(f"unknown({name}, ...) is there more than once, with unlike ranges")
         texts[name] = str(solution["Text"])
     return texts, ranges
 

@@ -116,10 +116,17 @@ class Prover:
         return next(one for one in self.book.properties if one.name == name)
 
     def run(self, task: Task) -> list[Finding]:
-        """What is found out about each property of a task."""
+        """What is found out about each property of a task, with no more vehicles than are enough."""
+        simple: dict[int, _Translation] = {}
+        findings = []
         with deep_recursion():
-            simple = _Translation(self, task, clears=False)
-            return [self._look(name, task, simple, time.perf_counter()) for name in task.properties]
+            for name in task.properties:
+                started = time.perf_counter()
+                few = replace(task, vehicles=self._most(name, task.vehicles))
+                if few.vehicles not in simple:
+                    simple[few.vehicles] = _Translation(self, few, clears=False)
+                findings.append(self._look(name, few, simple[few.vehicles], started))
+        return findings
 
     def _look(self, name: str, task: Task, simple: _Translation, started: float) -> Finding:
         def found(status: Status, reason: str = "", counterexample: Counterexample | None = None) -> Finding:
@@ -129,8 +136,7 @@ class Prover:
             left = simple.possible(name, PARTS, task.time_limit)
             if not left:
                 return found("proved")
-            # as many vehicles as are enough stand for any number, and products are hard for a solver
-            exact = _Translation(self, replace(task, vehicles=self.most(name, task.vehicles)), clears=True)
+            exact = _Translation(self, task, clears=True)
             left = exact.possible(name, left, min(FIRST_TRY, task.time_limit / 2))
             if not left:
                 return found("proved")
@@ -146,8 +152,8 @@ class Prover:
             return found("proved")
         return found("unknown", _why(left, search, task.time_limit))
 
-    def most(self, name: str, vehicles: int) -> int:
-        """How many of so many vehicles have to be looked at for a property."""
+    def _most(self, name: str, vehicles: int) -> int:
+        """How many vehicles to look at for a property: as many as are enough stand for any number."""
         enough = self.enough[name]
         return vehicles if enough is None else min(vehicles, enough)
 
@@ -261,8 +267,7 @@ class _Search:
 
     def _attempts(self) -> Iterator[_Attempt]:
         """All kinds of scenes, the smallest and most usual first."""
-        most = self._prover.most(self._name, self._task.vehicles)
-        for vehicles in range(most + 1):
+        for vehicles in range(self._task.vehicles + 1):
             for part in self._possible(vehicles):
                 for usual in USUAL:
                     for margin in MARGINS:

@@ -134,7 +134,7 @@ def test_a_counterexample_has_the_unknowns_that_its_property_speaks_of(tmp_path:
         ("unknown(time_step, 0, 1, 'x').", "the name is taken"),
         ("unknown(speed, 0, 1, 'x').", "the name is taken"),
         ("unknown(way, 2, 1, 'x').", "expected two numbers, the lower first"),
-        ("unknown(way, 0, 1, 'x'). unknown(way, 0, 2, 'x').", "more than once"),
+        ("unknown(way, 0, 1, 'x'). unknown(way, 0, 2, 'x').", "more than once, with unlike"),
         ("unknown(way, 0, 1, 'x'). way(3.0).", "way/1 has clauses"),
     ],
 )
@@ -143,6 +143,11 @@ def test_unknowns_that_cannot_be(tmp_path: Path, text: str, message: str) -> Non
     path.write_text(f"property(p, 'p'). violates(p) :- fail. {text}")
     with pytest.raises(UserError, match=message):
         load([], [path])
+
+
+def test_two_files_may_speak_of_the_same_unknown() -> None:
+    book = load([R157], [R157_PROPERTIES, DYNAMICS])
+    assert {"moment", "step_share"} <= book.unknowns.keys()
 
 
 def test_the_distance_of_un_r157_has_its_own_properties() -> None:
