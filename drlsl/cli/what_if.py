@@ -108,7 +108,8 @@ def _lines(answer: Answer, scene: Scene, against: Sequence[Objection]) -> Iterat
         state += f"; no change of one gap or speed{several} would alter that"
     yield f"{name} {state}"
     for number, finding in enumerate(single):
-        yield f"{'':<21}{'or ' if number else ''}{_words(finding.changes[0], finding, scene)}"
+        words = _words(finding.changes[0], finding, scene) + _reservation(finding)
+        yield f"{'':<21}{'or ' if number else ''}{words}"
     if answer.gaps is not None:
         yield from _joint(answer.gaps, scene, would)
     for kind, finding in unknown:
@@ -132,8 +133,12 @@ def _joint(finding: Finding, scene: Scene, would: str) -> Iterator[str]:
         for number, change in enumerate(finding.changes):
             yield f"{'':<21}{'and ' if number else ''}{_words(change, finding, scene)}"
         total = _decimal(sum(abs(change.change) for change in finding.changes), 9)
-        rest = f" (no less than {finding.least:.1f} m: {finding.reason})" if finding.reason else ""
-        yield f"{'':<21}{total} m in all{rest}"
+        yield f"{'':<21}{total} m in all{_reservation(finding)}"
+
+
+def _reservation(finding: Finding) -> str:
+    """What is not known of lesser changes."""
+    return f" (at least {finding.least:.4g}; {finding.reason})" if finding.reason else ""
 
 
 def _words(change: Change, finding: Finding, scene: Scene) -> str:

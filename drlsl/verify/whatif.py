@@ -90,7 +90,8 @@ class Finding:
 
     `changes` are confirmed: the interpreter decides otherwise in `scene`, which has them. `least` [m or m/s]
     is what the sum of the changes' amounts cannot be below; the changes are as little above it as rounding
-    makes them, unless there is a `reason` why the search for something less was broken off.
+    makes them. With `found` a `reason` says what is not known of lesser changes: that the search for them was
+    broken off, or that the rules may raise an error there.
     """
 
     status: Status
@@ -260,29 +261,28 @@ class _Search:
         self._action = action
         self._offered = offered
         self._deadline = deadline
-        self._flipped = self._flips()
-
-    def _flips(self) -> Bool:
-        """The action is offered where it is not in the scene, or the other way round; or nobody can tell."""
-        booleans = self._open.algebra.booleans
-        condition = self._rules.conditions.get(self._action)
-        found = booleans.false if condition is None else self._open.truth(condition)
-        other = booleans.not_(found) if self._offered else found
-        return booleans.or_((other, self._open.truth(self._rules.lowered.undecided)))
+        booleans = scene.algebra.booleans
+        condition = rules.conditions.get(action)
+        found = booleans.false if condition is None else scene.truth(condition)
+        self._undecided = scene.truth(rules.lowered.undecided)
+        self._flipped = booleans.and_(
+            (booleans.not_(found) if offered else found, booleans.not_(self._undecided))
+        )
 
     def answer(self) -> Answer:
         """What was found."""
         scene = self._scene
         cars = sorted(scene.in_range(), key=lambda car: abs(car.x - scene.ego.x))
-        gap = self._single(place_lever(scene, car) for car in cars)
+        gap = self._sought([(place_lever(scene, car),) for car in cars])
+        on_their_sides = [(place_lever_on_its_side(scene, car),) for car in cars]
         asks_more = gap.status == "none" and not self._offered
         return Answer(
             self._action,
             self._offered,
             gap,
-            self._single(place_lever_on_its_side(scene, car) for car in cars) if self._passes(gap) else None,
-            self._single(speed_lever(scene, car) for car in cars),
-            self._single([speed_lever(scene, scene.ego)]),
+            self._sought(on_their_sides) if self._passes(gap) else None,
+            self._sought([(speed_lever(scene, car),) for car in cars]),
+            self._sought([(speed_lever(scene, scene.ego),)]),
             self._joint() if asks_more else None,
         )
 
@@ -291,28 +291,12 @@ class _Search:
         ego = self._scene.ego.x
         return any((change.before - ego) * (change.after - ego) < 0 for change in gap.changes)
 
-    def _single(self, levers: Iterable[Lever]) -> Finding:
-        """The least change of any one lever."""
-        best: _Least | None = None
-        try:
-            for lever in levers:
-                question = Question(self._open, self._flipped, [lever])
-                best = self._least(question, None if best is None else best.high) or best
-        except GaveUp as reason:
-            return Finding("unknown", reason=str(reason))
-        return Finding("none") if best is None else self._confirmed(best)
-
     def _joint(self) -> Finding | None:
         """The least change of the places of all vehicles that object; None where it is not they who do."""
         objecting = self._objecting()
         if len(objecting) < 2:
             return None
-        levers = [place_lever(self._scene, car) for car in objecting]
-        try:
-            best = self._least(Question(self._open, self._flipped, levers))
-        except GaveUp as reason:
-            return Finding("unknown", reason=str(reason))
-        return Finding("none") if best is None else self._confirmed(best)
+        return self._sought([tuple(place_lever(self._scene, car) for car in objecting)])
 
     def _objecting(self) -> list[Vehicle]:
         """Vehicles without which the action would be offered, each of them needed for that; else none."""
@@ -327,9 +311,33 @@ class _Search:
 
     def _offered_without(self, away: set[str]) -> bool:
         left = tuple(car for car in self._scene.vehicles if car.id not in away)
-        return self._rules.offers(replace(self._scene, vehicles=left), self._action)
+        try:
+            return self._rules.offers(replace(self._scene, vehicles=left), self._action)
+        except RuleFailure:
+            return False  # as on the road: where rules fail, no lane change is offered
 
-    def _least(self, question: Question, below: Fraction | None = None) -> _Least | None:
+    def _sought(self, groups: Sequence[tuple[Lever, ...]]) -> Finding:
+        """The least change of all levers of any one group."""
+        try:
+            best = self._best(self._flipped, groups)
+            trouble = self._best(self._undecided, groups, None if best is None else best.high)
+        except GaveUp as reason:
+            return Finding("unknown", reason=str(reason))
+        failing = f"at a change of {float(trouble.high):.6g} the rules may raise an error" if trouble else ""
+        if best is None:
+            return Finding("unknown", reason=failing) if failing else Finding("none")
+        return self._confirmed(best, best.stopped or failing)
+
+    def _best(
+        self, truth: Bool, groups: Sequence[tuple[Lever, ...]], below: Fraction | None = None
+    ) -> _Least | None:
+        best: _Least | None = None
+        for levers in groups:
+            question = Question(self._open, truth, levers)
+            best = self._least(question, below if best is None else best.high) or best
+        return best
+
+    def _least(self, question: Question, below: Fraction | None) -> _Least | None:
         """The least change, if there is one that is clearly less than `below`."""
         most = sum((max(-lever.low, lever.high) for lever in question.levers), Fraction(0))
         if below is not None:
@@ -351,7 +359,7 @@ class _Search:
 
     # ------------------------------------------------------------ confirmation
 
-    def _confirmed(self, best: _Least) -> Finding:
+    def _confirmed(self, best: _Least, reservation: str) -> Finding:
         """The change in round numbers, if the interpreter confirms it."""
         levers = best.question.levers
         for amounts in _rounded(best):
@@ -359,12 +367,8 @@ class _Search:
                 scene = changed(self._scene, levers, amounts)
                 if self._is_other(scene):
                     changes = self._changes(levers, amounts, scene)
-                    return Finding("found", changes, best.least, scene, best.stopped)
-        return Finding(
-            "unknown",
-            least=best.least,
-            reason=self._why_unconfirmed(best),
-        )
+                    return Finding("found", changes, best.least, scene, reservation)
+        return Finding("unknown", least=best.least, reason=self._why_unconfirmed(best))
 
     def _why_unconfirmed(self, best: _Least) -> str:
         if self._open.only(self._flipped, []).op == "true":

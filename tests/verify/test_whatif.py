@@ -103,6 +103,16 @@ def test_a_lane_change_that_is_offered() -> None:
     assert answer.gap.changes[0].after == 60.0 + answer.gap.changes[0].change
 
 
+def test_the_least_of_several_vehicles() -> None:
+    """Not the nearest vehicle, but the one that needs to move least."""
+    scene = plain(car("near", 1, 56.0, 30.0), car("far", 1, -57.0, 31.0))
+    answer = ask(scene, LEFT)
+    ahead, behind = (56.0 - 4.6) - needed(30.0, 30.0), (57.0 - 4.6) - needed(31.0, 30.0)
+    assert ahead / 2 < behind < ahead
+    assert answer.gap.least == pytest.approx(behind, abs=FINE)
+    assert sole(answer.gap)[0] == "far"
+
+
 def test_a_fast_follower_may_as_well_have_passed() -> None:
     scene = plain(car("v", 1, -20.0, 38.0))
     answer = ask(scene, LEFT)
@@ -373,15 +383,44 @@ def test_a_function_that_the_solver_does_not_know_is_confirmed_or_unknown(tmp_pa
     assert not answer.gap.changes
 
 
-def test_the_nearest_error_of_the_rules_is_not_passed_over(tmp_path: Path) -> None:
-    """Where the rules raise an error before they decide otherwise, that is what is told."""
+def test_an_error_nearer_than_the_change_is_said(tmp_path: Path) -> None:
     rules = program(
         tmp_path,
-        "safe_actions(left_lane_change) :- vehicle(v, _, X, _, _, _, _, _), 1.0 / (X - 31.0) > 0.0.\n",
+        "safe_actions(left_lane_change) :- "
+        "vehicle(v, _, X, _, _, _, _, _), 1.0 / (X - 31.0) < 5.0, X > 40.0.\n",
     )
     (answer,) = what_if(rules, plain(car("v", 1, 30.0, 20.0)), [LEFT])
-    assert answer.gap.status in ("found", "unknown")
-    assert answer.gap.least == pytest.approx(1.0, abs=FINE)
+    assert sole(answer.gap) == ("v", "x", 10.1)
+    assert answer.gap.least == pytest.approx(10.0, abs=FINE)
+    assert answer.gap.reason == "at a change of 1 the rules may raise an error"
+    assert answer.speed.status == "none"
+
+
+def test_where_there_is_only_an_error_nobody_knows(tmp_path: Path) -> None:
+    rules = program(
+        tmp_path,
+        "safe_actions(left_lane_change) :- "
+        "vehicle(v, _, X, _, _, _, _, _), 1.0 / (X - 31.0) < 5.0, X > 999.0.\n",
+    )
+    (answer,) = what_if(rules, plain(car("v", 1, 30.0, 20.0)), [LEFT])
+    assert (answer.gap.status, answer.gap.changes) == ("unknown", ())
+    assert answer.gap.reason == "at a change of 1 the rules may raise an error"
+
+
+def test_speeds_keep_their_direction_and_end_somewhere(tmp_path: Path) -> None:
+    rules = program(
+        tmp_path,
+        "safe_actions(left_lane_change) :- vehicle(C, _, _, _, V, _, _, _), C \\== ego, V < -1.0.\n"
+        "safe_actions(right_lane_change) :- vehicle(C, _, _, _, V, _, _, _), C \\== ego, V > 70.0.\n",
+    )
+    scene = plain(car("v", 1, 30.0, 20.0))
+    for answer in what_if(rules, scene, [LEFT, RIGHT]):
+        assert answer.speed.status == "none"
+    coming = replace(scene, vehicles=(scene.vehicles[0]._replace(vx=-0.5),))
+    left, right = what_if(rules, coming, [LEFT, RIGHT])
+    assert sole(left.speed) == ("v", "vx", 0.51)
+    assert left.speed.changes[0].after == -1.01
+    assert right.speed.status == "none"
 
 
 def test_time_that_runs_out_is_said() -> None:
