@@ -42,6 +42,24 @@ def test_counts(rule: str, enough: int | None) -> None:
     assert witnesses(lower(engine, SCHEMA, [Query("ask", 0, "holds")]).answers[0]) == enough
 
 
+@pytest.mark.parametrize(
+    ("rule", "enough"),
+    [
+        ("ask :- at(Id, X), focus(Id), X > 0.0, at(Id, Y), Y < 5.0.", 1),
+        ("ask :- aggregate_all(min(X), seen(X), L), aggregate_all(max(X), seen(X), M), M > L + 3.0.", 1),
+        ("ask :- at(Id, X), focus(Id), X > 0.0, at(Other, Y), Other \\== ego, Y > X.", 2),
+        ("ask :- at(Id, X), ( focus(Id) ; X > 0.0 ), aggregate_all(min(Y), at(_, Y), L), X > L.", 2),
+    ],
+)
+def test_all_that_is_in_focus_is_one_vehicle(rule: str, enough: int) -> None:
+    engine = Engine()
+    engine.consult_text(
+        ":- dynamic(focus/1). at(Id, X) :- vehicle(Id, _, X, _, _, _, _, _). "
+        "seen(X) :- at(Id, X), ( Id == ego -> true ; focus(Id) ). " + rule
+    )
+    assert witnesses(lower(engine, FACTS, [Query("ask", 0, "holds")]).answers[0]) == enough
+
+
 BOOK = load([])
 LOWERED = lower(BOOK.engine, FACTS, [one.query for one in BOOK.properties])
 SCALAR = compile_scalar(LOWERED)
