@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from drlsl.driving.actions import Action
-from drlsl.driving.reasons import Objection, objections, speed_reason
+from drlsl.driving.reasons import Objection, SpeedReason, objections, speed_reason
 from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
 from tests.driving.test_shield import SCENE, USABLE
@@ -92,3 +92,17 @@ def test_nobody_decides_the_speed_on_a_free_road_or_where_two_do_alike() -> None
     twins = tuple(SCENE.ego._replace(id=name, x=40.0, vx=25.0) for name in ("one", "other"))
     scene = replace(SCENE, vehicles=twins)
     assert speed_reason(shield, scene, shield.decide(scene).target_speed) is None
+
+
+def test_of_several_that_matter_the_one_that_matters_most_decides() -> None:
+    engine = Engine()
+    speed = (
+        "longitudinal_velocity(V) :- findall(D, ( slows(Car, D), vehicle(Car, _, _, _, _, _, _, _) ), Ds), "
+        "sum_list(Ds, S), V is 20.0 - S.\nslows(one, 1.0). slows(two, 5.0). slows(three, 2.0)."
+    )
+    engine.consult_text("\n".join([*{**USABLE, "longitudinal_velocity": speed}.values()]))
+    shield = Shield(engine)
+    cars = tuple(SCENE.ego._replace(id=name, x=20.0) for name in ("one", "two", "three", "four"))
+    scene = replace(SCENE, vehicles=cars)
+    assert shield.decide(scene).target_speed == 12.0
+    assert speed_reason(shield, scene, 12.0) == SpeedReason("two", 17.0)

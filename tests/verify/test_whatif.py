@@ -124,6 +124,15 @@ def test_a_fast_follower_may_as_well_have_passed() -> None:
     assert sole(answer.gap_without_passing)[2] < 0 < sole(answer.gap)[2]
 
 
+def test_a_slow_leader_may_as_well_be_behind() -> None:
+    answer = ask(plain(car("v", 1, 10.0, 15.0)), LEFT)
+    assert answer.gap.least == pytest.approx(10.0 + 4.6 + needed(15.0, 30.0), abs=FINE)
+    ahead = needed(30.0, 15.0) - (10.0 - 4.6)
+    assert answer.gap_without_passing is not None
+    assert answer.gap_without_passing.least == pytest.approx(ahead, abs=FINE)
+    assert sole(answer.gap)[2] < 0 < sole(answer.gap_without_passing)[2]
+
+
 def test_a_vehicle_out_of_sight_objects_no_more() -> None:
     scene = plain(car("v", 1, -98.0, 45.0), speed=20.0)
     answer = ask(scene, LEFT)
