@@ -405,6 +405,18 @@ def test_an_error_nearer_than_the_change_is_said(tmp_path: Path) -> None:
     assert answer.speed.status == "none"
 
 
+def test_an_error_is_not_the_other_decision(tmp_path: Path) -> None:
+    rules = program(
+        tmp_path,
+        "safe_actions(left_lane_change) :- vehicle(v, _, X, _, _, _, _, _), abs(1.0 / (X - 31.0)) > 0.001.\n",
+    )
+    (answer,) = what_if(rules, plain(car("v", 1, 30.0, 20.0)), [LEFT])
+    assert answer.offered
+    assert answer.gap.changes[0].out_of_sight
+    assert answer.gap.least == pytest.approx(math.sqrt(100.0**2 - 3.5**2) - 30.0, abs=FINE)
+    assert answer.gap.reason == "at a change of 1 the rules may raise an error"
+
+
 def test_where_there_is_only_an_error_nobody_knows(tmp_path: Path) -> None:
     rules = program(
         tmp_path,
