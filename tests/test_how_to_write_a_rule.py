@@ -37,6 +37,8 @@ def test_what_it_shows_is_in_the_files(kind: str) -> None:
 
 
 def answers(command: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    if "--what-if" in command or "rules verify" in command:
+        pytest.importorskip("z3", reason="the extra verify")
     status = run(shlex.split(command)[1:])
     return status, capsys.readouterr().out
 
