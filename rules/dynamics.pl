@@ -42,7 +42,8 @@ unknown(step_share, 0, 1, 'share of a time step that has passed').
 
 property(front_comes_so_far, 'no braking by at most 8 m/s2 leaves a vehicle in front behind spec_front_way/3, or slower').
 violates(front_comes_so_far) :-
-    front_speed(V), moment(T), spec_front_way(V, T, S), spec_front_speed(V, T, U), way_so_far(S0), S0 >= S, speed_by_then(U0), U0 >= U,
+    front_speed(V), moment(T), spec_front_way(V, T, S), spec_front_speed(V, T, U),
+    way_so_far(S0), S0 >= S, speed_by_then(U0), U0 >= U,
     later(T1), acceleration(A), A >= -8.0, U1 is U0 + A * T1, U1 >= 0.0,
     T2 is T + T1, spec_front_way(V, T2, S2), S0 + U0 * T1 + A * T1 * T1 / 2 < S2.
 violates(front_comes_so_far) :-
@@ -52,7 +53,8 @@ violates(front_comes_so_far) :-
 
 property(rear_comes_no_further, 'nothing that is assumed of a vehicle behind takes it beyond spec_rear_way/3, or makes it faster').
 violates(rear_comes_no_further) :-
-    rear_speed(V), moment(T), spec_rear_way(V, T, S), spec_rear_speed(V, T, U), way_so_far(S0), S0 =< S, speed_by_then(U0), U0 =< U,
+    rear_speed(V), moment(T), spec_rear_way(V, T, S), spec_rear_speed(V, T, U),
+    way_so_far(S0), S0 =< S, speed_by_then(U0), U0 =< U,
     later(T1), spec_rear_accelerates(T, T1, U0, A), U0 + A * T1 >= 0.0,
     T2 is T + T1, spec_rear_way(V, T2, S2), S0 + U0 * T1 + A * T1 * T1 / 2 > S2.
 violates(rear_comes_no_further) :-
@@ -110,7 +112,7 @@ spec_least_gap(Gap, V1, V2, Least) :- spec_rear_stop(V1, Rear), Least is min(Gap
 
 % ----------------------------------------------------------------------------------------- the critical distance
 
-property(distance_is_enough, 'from a gap of the critical distance or more, there is at no moment a contact').
+property(distance_is_enough, 'from a gap above the critical distance there is at no moment a contact').
 violates(distance_is_enough) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), Gap > 0.0, critical_distance(V1, V2, Critical), Gap > Critical,
     moment(T), spec_front_way(V2, T, Front), spec_rear_way(V1, T, Rear), Gap + Front - Rear =< 0.0.
@@ -122,7 +124,9 @@ violates(distance_is_least) :-
 
 % ---------------------------------------------------------------------------------------------------- following
 
-% A step: the ego comes to a speed by constant acceleration, as drlsl.driving.control.move_forward does, at most by 8 m/s2 slower.
+% A step: the ego comes to a speed by constant acceleration, as drlsl.driving.control.move_forward has it, and at most by 8 m/s2.
+% A vehicle ahead that brakes by 8 m/s2 all the time stops V * V / 16 further on; one that brakes less stops further on still, and
+% has come at least (V * V - U * U) / 16 when it is as fast as U: both follow from front_comes_so_far.
 
 property(can_stop_after_step,
     'behind a vehicle ahead where it can stop now, the ego still can after a step to at most the speed that this one calls for').
@@ -131,12 +135,14 @@ violates(can_stop_after_step) :-
     spec_can_stop(Gap, V1, V2), spec_reaches(V1, V), in(alone, longitudinal_velocity(Most)), V =< Most,
     \+ spec_can_stop_after(Gap, V1, V, V2).
 
-property(can_stop_after_full_braking, 'behind a vehicle ahead where it can stop now, the ego still can after a step of full braking').
+property(can_stop_after_full_braking,
+    'behind a vehicle ahead where it can stop now, the ego still can after a step of full braking').
 violates(can_stop_after_full_braking) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), spec_can_stop(Gap, V1, V2), time_step(Dt), V is max(0.0, V1 - 8.0 * Dt),
     \+ spec_can_stop_after(Gap, V1, V, V2).
 
-property(no_contact_within_step, 'where it can stop after a step, at no moment of the step does the ego touch a vehicle ahead that is no faster').
+property(no_contact_within_step,
+    'where it can stop after a step, at no moment of the step does the ego touch a vehicle ahead that is no faster').
 violates(no_contact_within_step) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), spec_reaches(V1, V), spec_can_stop_after(Gap, V1, V, V2),
     step_share(Share), time_step(Dt), W is V1 + (V - V1) * Share, speed_by_then(U), U =< W,
@@ -156,8 +162,7 @@ violates(can_stop_at_entry) :-
 % spec_can_stop(Gap, V1, V2): the ego, at speed V1, can stop behind a vehicle that brakes at its hardest from speed V2.
 spec_can_stop(Gap, V1, V2) :- Gap > 0.0, spec_stop(V1, S), Gap + V2 * V2 / (2 * 8.0) > S.
 
-% spec_can_stop_after(Gap, V1, V, V2): the same after a step from speed V1 to V, in which that vehicle brakes at its hardest: where
-% it will stop stays the same.
+% spec_can_stop_after(Gap, V1, V, V2): the same after a step from speed V1 to V, in which that vehicle brakes at its hardest too.
 spec_can_stop_after(Gap, V1, V, V2) :- time_step(Dt), spec_stop(V, S), Gap + V2 * V2 / (2 * 8.0) - (V1 + V) / 2 * Dt > S.
 
 % spec_stop(V, S): the way in which the ego stops by braking at 8 m/s2, or a little more where it stops within a step.

@@ -16,12 +16,14 @@ unknown(rear_speed, 0, 70, 'speed of a vehicle behind, m/s').
 unknown(front_speed, 0, 70, 'speed of a vehicle in front, m/s').
 unknown(gap_between, 0, 1000, 'gap between the two, m').
 
-property(r157_front, 'no lane change is offered with a vehicle ahead in the target lane at less than the time to collision of UN R157').
+property(r157_front,
+    'no lane change is offered with a vehicle ahead in the target lane at less than the time to collision of UN R157').
 violates(r157_front) :-
     spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset > 0.0,
     spec_speed(ego, V1), spec_speed(Car, V2), spec_collides_too_soon(Gap, V1, V2).
 
-property(r157_back, 'no lane change is offered with a vehicle behind in the target lane at less than the time to collision of UN R157').
+property(r157_back,
+    'no lane change is offered with a vehicle behind in the target lane at less than the time to collision of UN R157').
 violates(r157_back) :-
     spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset < 0.0,
     spec_speed(Car, V1), spec_speed(ego, V2), spec_collides_too_soon(Gap, V1, V2).
@@ -41,7 +43,7 @@ violates(r157_gives_way) :-
     spec_in_path(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, Gap > 0.0,
     spec_speed(Car, V2), spec_collides_too_soon(Gap, V1, V2).
 
-property(r157_is_enough, 'from a gap of the critical distance there is no contact while the vehicle in front keeps its speed').
+property(r157_is_enough, 'from a gap above the critical distance there is no contact while the vehicle in front keeps its speed').
 violates(r157_is_enough) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap > Critical,
     moment(T), spec_evading_way(V1, V2, T, Rear), Gap + V2 * T - Rear =< 0.0.

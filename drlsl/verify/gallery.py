@@ -26,6 +26,8 @@ def write_counterexample(request: Request, result: Result, folder: Path) -> list
         other, more = _decision(request, scene)
         caption += f"\nin the image {image}: {other}"
         notes = {**more, **notes}
+    if found.unknowns:
+        caption += "\n" + ", ".join(f"{name} = {value:.6g}" for name, value in found.unknowns.items())
     if found.error is not None:
         caption = f"the rules raise an error: {found.error}"
     figure = draw_scene(
