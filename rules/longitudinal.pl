@@ -18,14 +18,15 @@ speed_limit(V) :- lane(ego, Lane), road_lane(Lane, _, _, _, V).
 free_acceleration(A) :- speed_limit(Limit), speed(ego, V), time_step(Dt), A is (Limit - V) / Dt.
 
 % following_acceleration(Car, A): what vehicle Car in front calls for. Source: paper, Longitudinal Velocity Control; here the
-% ego may be as fast as lets it come down to the leader's speed at the required gap by comfortable braking, and where the gap is
-% short it gives way; no softer in either case than the braking needed.
+% ego may be as fast as lets it come down to the leader's speed at the required gap by comfortable braking. If it is faster, or
+% the gap is short, it gives way; no softer in any case than the braking needed.
 following_acceleration(Car, A) :-
     busy_section(front, Car, Gap), speed(ego, V1), speed(Car, V2), required_gap(V1, V2, Required),
     comfortable_braking(B), time_step(Dt),
+    GiveWay is min(-B, (V2 * V2 - V1 * V1) / (2 * Gap)),
     ( Gap > Required ->
-        Wanted is (sqrt(V2 * V2 + 2 * B * (Gap - Required)) - V1) / Dt
-    ;   Wanted is min(-B, (V2 * V2 - V1 * V1) / (2 * Gap))
+        Wanted is max(GiveWay, (sqrt(V2 * V2 + 2 * B * (Gap - Required)) - V1) / Dt)
+    ;   Wanted = GiveWay
     ),
     braking_needed(Gap, V1, V2, Needed), rear_braking(Sure),
     ( Needed > Sure -> A is min(Wanted, -Needed) ; A = Wanted ).

@@ -156,11 +156,12 @@ class Oracle:
         for car in self.section("front"):
             gap, other = self.gap(car), self.speed(car)
             needed = self.needed_gap(car)
+            give_way = min(-COMFORT, (other * other - own * own) / (2 * gap))
             if gap > needed:
                 fastest = math.sqrt(other * other + 2 * COMFORT * (gap - needed))
-                wanted.append((fastest - own) / road.time_step)
+                wanted.append(max(give_way, (fastest - own) / road.time_step))
             else:
-                wanted.append(min(-COMFORT, (other * other - own * own) / (2 * gap)))
+                wanted.append(give_way)
             room = gap + other * other / (2 * FRONT_BRAKING) - own * road.time_step
             braking = own * own / (2 * room) if room > 0 else road.braking_limit
             if braking > REAR_BRAKING:
