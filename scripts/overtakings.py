@@ -132,7 +132,9 @@ def drive(config: EnvConfig, choose: Choice, *, episodes: int, seed: int) -> Cou
     counts = Counts()
     recordings = [load_recording(name) for name in config.recordings]
     playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
-    world = World(config, [playbacks] * min(EGOS, episodes), Shield.from_files(config.rules, tier=config.tier))
+    world = World(
+        config, [playbacks] * min(EGOS, episodes), Shield.from_files(config.rules, tier=config.tier)
+    )
     seeds = iter(np.random.SeedSequence(seed).spawn(episodes + 1))
     drawn = np.random.default_rng(next(seeds))
     following = Overtakings(counts)
