@@ -84,7 +84,7 @@ def test_ctrl_c_leaves_a_study_that_can_be_gone_on_with(tmp_path: Path) -> None:
     os.killpg(process.pid, signal.SIGINT)
     assert "the same command goes on" in finish(process, 130)
     assert not list(out.glob("failures/*"))
-    assert "12/12" in finish(begin(out))
+    assert "16/16" in finish(begin(out))
 
 
 @pytest.mark.slow
@@ -108,7 +108,7 @@ def test_runs_that_fail_twice_are_in_the_report_and_in_the_status(tmp_path: Path
     assert "m1-seed1 failed, trying again: told to fail at m1-seed1" in told
     assert "m1-seed1 failed, given up" in told
     report = (out / "report" / "report.md").read_text()
-    assert "3 of 12 runs have no result" in report
+    assert "4 of 16 runs have no result" in report
     assert "- m1-seed1: told to fail at m1-seed1; told to fail at m1-seed1; given up" in report
 
 

@@ -47,7 +47,7 @@ def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -
     assert signal.getsignal(signal.SIGTERM) is on_terminate
     for progress in work(folder, workers):
         busy.append(len(progress.busy))
-    assert (progress.done, progress.given_up) == (9, 3)
+    assert (progress.done, progress.given_up) == (12, 4)
     assert max(busy) == 2
     (told,) = folder.failures(Task(Run("m0", 0)))
     assert told.summary == "told to fail at m0-seed0"
