@@ -110,7 +110,8 @@ def test_sweeps_stand_beside_their_test(folder: StudyFolder, results: Results) -
             assert frame.loc[(value, method), "episodes"] == len(found) == 12
             shown = sweeps(results, "on").shown.set_index("value")
             assert shown.loc[f"{value:g}", folder.study.methods[method].label] == f"{at_fault} of 12"
-    assert not results.tests["test"].isin(["latency"]).any()
+    assert set(results.tests["test"]) == set(folder.study.tests)
+    assert set(results.sweeps["test"]) == {"latency"}
 
 
 def test_the_training_table_is_the_metrics(folder: StudyFolder, results: Results) -> None:
