@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from drlsl.cli.failures import failures_as_errors
 
 if TYPE_CHECKING:
     from drlsl.driving.reasons import BusySection, Objection
@@ -97,21 +98,6 @@ def _check_options(
     if not what_if and (actions or out is not None):
         what = f"the action {actions[0]}" if actions else "--out"
         raise UserError(f"{what} goes with --what-if, which is not given")
-
-
-@contextmanager
-def failures_as_errors(*, what: str = "") -> Iterator[None]:
-    """What rules without a usable answer raise, as one line for people."""
-    from drlsl.driving.shield import LIMITS, RuleFailure
-    from drlsl.errors import UserError
-    from drlsl.logic import LimitExceeded
-
-    try:
-        yield
-    except RuleFailure as failure:
-        raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
-    except LimitExceeded as error:
-        raise UserError(f"gave up{what}: it went beyond {LIMITS.inferences:,} inferences") from error
 
 
 def _draw(shield: Shield, scene: Scene, path: Path) -> None:

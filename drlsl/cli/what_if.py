@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from drlsl.cli.query import failures_as_errors
+from drlsl.cli.failures import failures_as_errors
 
 if TYPE_CHECKING:
     from drlsl.driving.actions import Action
@@ -143,6 +143,8 @@ def _reservation(finding: Finding) -> str:
 
 def _words(change: Change, finding: Finding, scene: Scene) -> str:
     """One change: by how much, which way, and what comes of it."""
+    from drlsl.driving.scene import bumper_gap
+
     assert finding.scene is not None
     amount = _decimal(abs(change.change), 9)
     if change.quantity == "vx":
@@ -153,7 +155,7 @@ def _words(change: Change, finding: Finding, scene: Scene) -> str:
     if change.out_of_sight:
         return f"{change.vehicle} were {amount} m {way}, out of sight"
     car = next(one for one in finding.scene.vehicles if one.id == change.vehicle)
-    gap = abs(car.x - scene.ego.x) - (car.length + scene.ego.length) / 2
+    gap = bumper_gap(car, scene.ego)
     place = "alongside" if gap <= 0 else f"with a gap of {_decimal(gap)} m"
     passing = ", past the ego" if (change.before - scene.ego.x) * (change.after - scene.ego.x) < 0 else ""
     return f"{change.vehicle} were {amount} m {way}{passing}, {place}"

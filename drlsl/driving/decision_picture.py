@@ -19,7 +19,7 @@ from drlsl.driving.picture import (
     text_size,
 )
 from drlsl.driving.reasons import Objection, SpeedReason
-from drlsl.driving.scene import Scene, Vehicle
+from drlsl.driving.scene import Scene, Vehicle, bumper_gap
 from drlsl.driving.shield import Decision
 
 if TYPE_CHECKING:
@@ -77,11 +77,6 @@ def dimension(ego: Vehicle, other: Vehicle, objection: Objection) -> Dimension |
         end_x, end_y = (centre + missing * part / distance for centre, part in ((other.x, dx), (other.y, dy)))
         return Dimension("centres", (ego.x, ego.y), (other.x, other.y), (end_x, end_y))
     return None
-
-
-def bumper_gap(one: Vehicle, other: Vehicle) -> float:
-    """From bumper to bumper along the road [m]; below 0 where two vehicles are alongside."""
-    return abs(one.x - other.x) - (one.length + other.length) / 2
 
 
 def draw_decision(
@@ -173,18 +168,10 @@ def _rows(
     return rows
 
 
-def _heading(scene: Scene) -> int:
-    """The sign of x that is forward for the ego."""
-    lane = scene.road.lane(scene.ego.lane)
-    if lane is not None:
-        return lane.direction.sign
-    return 1 if scene.ego.vx >= 0 else -1
-
-
 def _turn(scene: Scene, action: Action) -> int:
     """The sign of y that an action leads to; 0 for lane keeping."""
     way = {Action.LANE_KEEPING: 0, Action.LEFT_LANE_CHANGE: -1, Action.RIGHT_LANE_CHANGE: 1}
-    return way[action] * _heading(scene)
+    return way[action] * scene.forward
 
 
 def _draw_row(canvas: Canvas, scene: Scene, row: _Row, cars: Mapping[str, Vehicle]) -> None:
@@ -247,7 +234,7 @@ def _draw_actions(
     """An arrow for every action from the ego's front into the lane that it leads to."""
     from matplotlib.patheffects import Normal, Stroke
 
-    ego, heading = scene.ego, _heading(scene)
+    ego, heading = scene.ego, scene.forward
     start = (ego.x + heading * ego.length / 2, ego.y)
     for action in Action:
         offered = action in decision.safe_actions
@@ -292,12 +279,8 @@ def _aim(scene: Scene, action: Action) -> float:
         return scene.ego.y
     if own is None:
         return scene.ego.y + turn * 3.5
-    beside = [
-        lane.centre
-        for lane in road.lanes_of(own.direction)
-        if 0 < turn * (lane.centre - own.centre) < 0.75 * (lane.width + own.width)
-    ]
-    return beside[0] if beside else own.centre + turn * own.width * 0.75
+    ways = [turn * (lane.centre - own.centre) for lane in road.lanes_of(own.direction)]
+    return own.centre + turn * min((way for way in ways if way > 0), default=own.width * 0.75)
 
 
 def _draw_legend(canvas: Canvas, colours: Mapping[str, str], *, others: bool) -> None:

@@ -78,6 +78,19 @@ class Scene:
         ego, reach = self.ego, self.road.radar_range
         return tuple(car for car in self.vehicles if not math.hypot(car.x - ego.x, car.y - ego.y) > reach)
 
+    @property
+    def forward(self) -> int:
+        """The sign of x that is forward for the ego: by its lane, or outside any by its motion."""
+        lane = self.road.lane(self.ego.lane)
+        if lane is not None:
+            return lane.direction.sign
+        return 1 if self.ego.vx >= 0 else -1
+
+
+def bumper_gap(one: Vehicle, other: Vehicle) -> float:
+    """From bumper to bumper along the road [m]; below 0 where two vehicles are alongside."""
+    return abs(one.x - other.x) - (one.length + other.length) / 2
+
 
 def road_facts(road: Road) -> Facts:
     """The facts that hold for every scene on one road."""

@@ -1,4 +1,4 @@
-"""The study's training figures: every method's reward per episode, with a band over seeds."""
+"""The study's figures: rewards in training, and contacts against settings, with bands over seeds."""
 
 import io
 import math

@@ -112,6 +112,9 @@ class StudyConfig(_Section):
             except ValidationError as error:
                 problem = error.errors()[0]
                 raise ValueError(f"sweep {name}: env.{sweep.setting}: {problem['msg']}") from error
+            trained = {self._trained_value(name, run) for run in self.runs[: len(self.methods)]}
+            if len(trained) > 1:
+                raise ValueError(f"sweep {name}: the methods were trained with unlike env.{sweep.setting}")
             known = self.trained_value(name)
             if known in sweep.values:
                 raise ValueError(f"sweep {name}: {known:g} is what test '{sweep.test}' has; leave it out")
@@ -152,9 +155,12 @@ class StudyConfig(_Section):
         }
 
     def trained_value(self, sweep: str) -> float:
-        """What the setting of a sweep is in its test, and was in the training."""
+        """What the setting of a sweep is in its test, and was in the training, of every method."""
+        return self._trained_value(sweep, self.runs[0])
+
+    def _trained_value(self, sweep: str, run: "Run") -> float:
         config = self.sweeps[sweep]
-        value: Any = self.test_env(self.runs[0], config.test).model_dump()
+        value: Any = self.test_env(run, config.test).model_dump()
         for key in config.setting.split("."):
             value = value[key]
         return float(value)

@@ -81,9 +81,7 @@ def _exact(number: float) -> Fraction:
 
 def _offset(scene: Scene, car: Vehicle) -> tuple[int, Fraction]:
     """The sign of x that is forward for the ego, and how far a vehicle's centre is ahead of it [m]."""
-    lane = scene.road.lane(scene.ego.lane)
-    sign = lane.direction.sign if lane is not None else _heading(scene.ego, scene.road, 1)
-    return sign, sign * (_exact(car.x) - _exact(scene.ego.x))
+    return scene.forward, scene.forward * (_exact(car.x) - _exact(scene.ego.x))
 
 
 def _heading(car: Vehicle, road: Road, otherwise: int) -> int:
@@ -317,11 +315,6 @@ class Question:
         if left is not algebra.booleans.false:
             self._truth = algebra.booleans.and_((self._truth, scene.apart(self._places(self._changes))))
 
-    @property
-    def is_hopeless(self) -> bool:
-        """Whether the formula has been seen not to hold without asking the solver."""
-        return self._truth.op == "false"
-
     def _places(self, changes: Sequence[Polynomial]) -> dict[tuple[str, Quantity], Polynomial]:
         pairs = zip(self.levers, changes, strict=True)
         return {(lever.vehicle, lever.quantity): self._scene.moved(lever, change) for lever, change in pairs}
@@ -332,7 +325,7 @@ class Question:
         Raises:
             GaveUp: the solver does not know, or has no time left.
         """
-        if self.is_hopeless:
+        if self._truth.op == "false":
             return None
         left = deadline - time.perf_counter()
         if left <= 0:

@@ -17,13 +17,12 @@ from drlsl.driving.decision_picture import (
     GO_COLOUR,
     LEADER_COLOUR,
     MOST_ROWS,
-    bumper_gap,
     dimension,
     draw_decision,
 )
 from drlsl.driving.picture import EGO_COLOUR, FOCUS_COLOUR, OTHER_COLOUR, draw_scene
 from drlsl.driving.reasons import Objection, objections, speed_reason
-from drlsl.driving.scene import Scene, Vehicle
+from drlsl.driving.scene import Scene, Vehicle, bumper_gap
 from drlsl.driving.scene_file import load_scene
 from drlsl.driving.shield import Shield, default_rules
 from tests.scenes import road, turned

@@ -21,6 +21,7 @@ from drlsl.study.plan import (
 from .fake import study
 
 SWEEP = {"label": "latency [s]", "test": "freeway", "setting": "sensing.latency", "values": [0.5]}
+LATE = {"label": "late", "train": {"env": {"sensing": {"latency": 0.2}}}}
 
 
 @pytest.mark.parametrize("name", study_presets())
@@ -143,6 +144,10 @@ def test_a_test_is_not_replaced(tmp_path: Path) -> None:
         ({"methods": {"a": {"label": "x", "train": {"episodse": 1}}}}, "method a: unknown key 'episodse'"),
         ({"methods": {"a": {"label": "x", "paper": "SAC"}}}, "methods.a.paper"),
         ({"tests": {}}, "tests"),
+        (
+            {"sweeps": {"s": SWEEP}, "methods": {"a": {"label": "a"}, "b": LATE}},
+            "sweep s: the methods were trained with unlike env.sensing.latency",
+        ),
         ({"sweeps": {"freeway": SWEEP}}, "sweep freeway: there is a test of that name"),
         (
             {"sweeps": {"s": {**SWEEP, "test": "gone"}}},

@@ -1,0 +1,21 @@
+"""Rules that give no usable answer, as commands report it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def failures_as_errors(*, what: str = "") -> Iterator[None]:
+    """What rules without a usable answer raise, as one line for people."""
+    from drlsl.driving.shield import LIMITS, RuleFailure
+    from drlsl.errors import UserError
+    from drlsl.logic import LimitExceeded
+
+    try:
+        yield
+    except RuleFailure as failure:
+        raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
+    except LimitExceeded as error:
+        raise UserError(f"gave up{what}: it went beyond {LIMITS.inferences:,} inferences") from error
