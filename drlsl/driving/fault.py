@@ -151,11 +151,25 @@ class _Encounter:
         return inside is not None and inside < row
 
     def struck_from_behind(self) -> bool:
-        """The other came from behind, in lanes that the ego had been in, or had entered, in good time."""
+        """The other came from behind, and had had the time to brake for an ego in its way."""
         if self._met_sideways() or self._came_from() >= 0:
             return False
         shared = self._shared_lanes()
-        return bool(shared) and all(self._was_in_good_time(lane) for lane in shared)
+        in_good_time = bool(shared) and all(self._was_in_good_time(lane) for lane in shared)
+        return in_good_time or self._followed_at_its_last_chance()
+
+    def _followed_at_its_last_chance(self) -> bool:
+        """Whether both were wholly in one lane when the other, behind, last had time to brake.
+
+        Where they went after it no longer matters: that one did not brake for the ego ahead in its lane.
+        """
+        for row in reversed(range(len(self.ego.s))):
+            if self._left_time(row, rear=self.other, front=self.ego):
+                behind = bool(self.other.s[row] < self.ego.s[row])
+                return behind and any(
+                    _inside(self.ego, lane)[row] and _inside(self.other, lane)[row] for lane in self.lanes
+                )
+        return False
 
     def _shared_lanes(self) -> list[Lane]:
         """The lanes that both have come into at the contact, or where there is none, that both touch."""

@@ -153,7 +153,7 @@ def _contacts(results: Results) -> Iterator[Block]:
     )
     rules = (
         "struck from behind: the other came from behind and had that time left when the ego came into "
-        "the lane",
+        "the lane, or was wholly in one lane with the ego when it last had it",
         "cut off: the ego was wholly in its lane before the other came into it, ahead, with less than "
         "that time left",
         "struck from the side: the same, the other alongside",

@@ -102,6 +102,21 @@ def test_a_follower_that_swerves_back_behind_an_ego_that_changed_lanes_is_to_bla
     assert verdict(ego, other) is Verdict.STRUCK_FROM_BEHIND
 
 
+@pytest.mark.parametrize(
+    ("follower_y", "expected"),
+    [(CENTRE[1], Verdict.STRUCK_FROM_BEHIND), (CENTRE[1] + 1.0, Verdict.AT_FAULT)],
+    ids=["wholly in the ego's lane", "over the line"],
+)
+def test_where_a_follower_was_at_its_last_chance_decides_though_both_change_lanes_after_it(
+    follower_y: float, expected: Verdict
+) -> None:
+    # At 4 m/s of closing speed the last chance is 17 frames before the contact.
+    steps = 300
+    ego = track(100.0, 25.0, sideways(CENTRE[1], CENTRE[1] + 2.8, steps, 24), steps)
+    other = track(100.0 - LENGTH + 0.01, 29.0, sideways(follower_y, CENTRE[1] + 1.6, steps, 12), steps)
+    assert verdict(ego, other) is expected
+
+
 def test_a_follower_across_both_lanes_does_not_excuse_entering_the_second() -> None:
     steps = 100
     ego = track(100.0, 20.0, sideways(CENTRE[1], CENTRE[1] + 1.6, steps, 20), steps)
