@@ -13,7 +13,7 @@ from drlsl.study import paper
 from drlsl.study.plan import Run, StudyConfig
 from drlsl.study.results import Results
 from drlsl.study.statistics import interquartile_mean
-from drlsl.study.tables import TABLE_1_ROWS, Table, convergence_of, rows_of, seeds_of
+from drlsl.study.tables import TABLE_1_ROWS, Table, convergence_of, in_words, median_episode, rows_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,18 +113,14 @@ def _less(results: Results, method: str, baseline: str, row: str) -> Claim:
 
 
 def _sooner(results: Results, method: str, baseline: str) -> Claim:
-    mine, theirs = (_convergence(results, name) for name in (method, baseline))
+    found = [list(convergence_of(results, name).values()) for name in (method, baseline)]
+    mine, theirs = map(median_episode, found)
     statement = f"{_label(results, method)}: converges before {_label(results, baseline)}"
-    known = seeds_of(results, method) and seeds_of(results, baseline)
-    evidence = f"episode {_number(mine)} to {_number(theirs)}" if known else "not trained"
-    return Claim(statement, mine < theirs if known else None, evidence)
-
-
-def _convergence(results: Results, method: str) -> float:
-    """The middle over seeds; a training that never converged counts as infinitely long."""
-    found = [convergence_of(results, method, seed) for seed in seeds_of(results, method)]
-    values = np.array([np.inf if episode is None else episode for episode in found], np.float64)
-    return float(interquartile_mean(values)) if len(values) else np.nan
+    if np.isnan([mine, theirs]).any():
+        return Claim(statement, None, "not trained")
+    by_seed = " to ".join(", ".join(map(in_words, episodes)) for episodes in found)
+    evidence = f"median episode {in_words(mine)} to {in_words(theirs)}; by seed {by_seed}"
+    return Claim(statement, mine < theirs, evidence)
 
 
 def _quantity(results: Results, method: str, test: str, row: str, shield: ShieldState) -> float:
@@ -168,6 +164,4 @@ def _order(values: dict[Any, float]) -> str:
 
 
 def _number(value: float) -> str:
-    if np.isnan(value):
-        return "-"
-    return "never" if np.isinf(value) else f"{value:.1f}".removesuffix(".0")
+    return "-" if np.isnan(value) else f"{value:.1f}".removesuffix(".0")

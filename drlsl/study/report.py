@@ -84,7 +84,11 @@ def _summary(results: Results) -> Iterator[Block]:
     ]
     frame = pd.DataFrame(found, columns=["statement", "holds", "numbers"])
     yield Table(
-        "claims", "Statements", frame, frame, "Middle over seeds (interquartile mean); sums for counts."
+        "claims",
+        "Statements",
+        frame,
+        frame,
+        "Interquartile means over seeds; medians for convergence, sums for counts.",
     )
 
 
@@ -124,7 +128,8 @@ def _training(results: Results) -> Iterator[Block]:
         "A training has converged at the first episode from which on the moving average of its return, "
         f"over 1/{round(1 / statistics.WINDOW_SHARE)} of the training, stays within "
         f"{statistics.TOLERANCE:.0%} of where it ends. One that gets there only in the last such window "
-        "has not converged. The paper's episodes were read off its figure."
+        "has not converged, and counts as the latest in the median over seeds. The paper's episodes were "
+        "read off its figure."
     )
     yield tables.convergence(results)
 

@@ -1,6 +1,6 @@
 """The tables of the report: each a frame of plain numbers, and how that is shown."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,32 +134,52 @@ def training(results: Results) -> Table:
 
 
 def convergence(results: Results) -> Table:
-    """When each training's return had converged."""
+    """When each training's return had converged, and the median over seeds."""
     rows, cells = [], []
     for name, method in results.study.methods.items():
-        found = {seed: convergence_of(results, name, seed) for seed in seeds_of(results, name)}
-        reached = [float(episode) for episode in found.values() if episode is not None]
-        middle = estimate([reached]) if reached else None
+        found = convergence_of(results, name)
+        median = median_episode(found.values())
+        reached = sum(episode is not None for episode in found.values())
         theirs = paper.CONVERGENCE_EPISODE[method.paper] if method.paper else None
-        row: dict[str, object] = {"method": name, "converged": len(reached), "seeds": len(found)}
-        row |= _estimate_columns("episode", middle)
-        rows.append(row | {"paper": theirs} | {f"seed {seed}": episode for seed, episode in found.items()})
-        by_seed = ", ".join(NONE if episode is None else str(episode) for episode in found.values())
+        row: dict[str, object] = {"method": name, "converged": reached, "seeds": len(found)}
+        row |= {"median": median if np.isfinite(median) else None, "paper": theirs}
+        rows.append(row | {f"seed {seed}": episode for seed, episode in found.items()})
         cells.append(
             {
                 "method": name,
-                "episode": _interval(middle, ".0f"),
+                "converged": f"{reached} of {len(found)}",
+                "median": in_words(median),
                 "paper": NONE if theirs is None else str(theirs),
-                "by seed": by_seed or NONE,
+                "by seed": ", ".join(map(in_words, found.values())) or NONE,
             }
         )
     return Table("convergence", "Convergence", pd.DataFrame(rows), _named(results, pd.DataFrame(cells)))
 
 
-def convergence_of(results: Results, method: str, seed: int) -> int | None:
-    """The episode at which a training had converged; None if it never did."""
-    found = rows_of(results.training, method=method, seed=seed)
-    return convergence_episode(found["return"].to_numpy(np.float64))
+def convergence_of(results: Results, method: str) -> dict[int, int | None]:
+    """By seed, the episode at which the training had converged; None if it never did."""
+    return {
+        seed: convergence_episode(
+            rows_of(results.training, method=method, seed=seed)["return"].to_numpy(np.float64)
+        )
+        for seed in seeds_of(results, method)
+    }
+
+
+def median_episode(episodes: Iterable[int | None]) -> float:
+    """The median of episodes of convergence, infinite for never; NaN if there are none.
+
+    Unlike a mean, it is there when some training has not converged.
+    """
+    values = [np.inf if episode is None else float(episode) for episode in episodes]
+    return float(np.median(values)) if values else np.nan
+
+
+def in_words(episode: float | None) -> str:
+    """An episode of convergence as people read it."""
+    if episode is None or np.isinf(episode):
+        return "never"
+    return NONE if np.isnan(episode) else f"{episode:g}"
 
 
 def estimates(results: Results, shield: ShieldState) -> Table:

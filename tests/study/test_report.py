@@ -161,6 +161,26 @@ def test_calmer_means_in_every_test(results: Results) -> None:
     assert not no_more.holds
 
 
+def test_a_seed_that_never_converges_counts_as_the_latest(results: Results) -> None:
+    trained = results.training.copy()
+    rising = (trained["method"] == "m0") | ((trained["method"] == "m1") & (trained["seed"] == 2))
+    trained["return"] = trained["episode"].where(rising, 7.0)
+    found = replaced(results, training=trained)
+    sooner = next(claim for claim in claims(found) if "Method 1: converges before" in claim.statement)
+    assert sooner.holds
+    assert sooner.evidence.endswith("by seed 4, 4, never, 4 to never, never, never, never")
+    shown = convergence(found).shown.set_index("method")
+    assert shown.loc["Method 1", ["converged", "median"]].tolist() == ["3 of 4", "4"]
+    assert shown.loc["Method 0", ["converged", "median"]].tolist() == ["0 of 4", "never"]
+    half = (trained["method"] == "m1") & (trained["seed"] > 0)
+    trained["return"] = trained["return"].where(~half, trained["episode"])
+    assert not next(
+        claim
+        for claim in claims(replaced(results, training=trained))
+        if "Method 1: converges before" in claim.statement
+    ).holds
+
+
 def test_a_claim_without_results_is_open(folder: StudyFolder, tmp_path: Path) -> None:
     empty = StudyFolder.prepare(tmp_path / "empty", folder.study, INPUTS)
     assert {claim.holds for claim in claims(collect(empty))} == {None}
