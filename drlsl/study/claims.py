@@ -80,7 +80,7 @@ def _safe_training(results: Results, method: str) -> Claim:
     return Claim(
         f"{_label(results, method)}: no contact at fault and never off the road in training",
         at_fault == off_road == 0 if len(found) else None,
-        f"{len(found)} episodes: {at_fault} contacts at fault, {off_road} off-road",
+        f"{len(found)} episodes: {at_fault} at fault, {off_road} off-road",
     )
 
 

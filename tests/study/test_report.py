@@ -140,7 +140,7 @@ def test_estimates_use_a_result_a_seed(folder: StudyFolder, results: Results) ->
 def test_claims_are_held_against_the_numbers(results: Results) -> None:
     found = {claim.statement: claim for claim in claims(results)}
     safe = found["Method 1: no contact at fault and never off the road in training"]
-    assert safe == Claim(safe.statement, True, "240 episodes: 0 contacts at fault, 0 off-road")
+    assert safe == Claim(safe.statement, True, "240 episodes: 0 at fault, 0 off-road")
     blamed = results.training.assign(at_fault=1)
     assert not claims(replaced(results, training=blamed))[0].holds
     tests = results.tests.assign(off_road=1)
