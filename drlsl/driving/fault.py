@@ -138,9 +138,9 @@ class _Encounter:
         return len(self.ego.s) > 1 and bool(self._gap()[-2] <= 0)
 
     def _left_time(self, row: int, *, rear: Track, front: Track) -> bool:
-        """Whether at `row` the rear vehicle had time to collision enough to brake behind the front one."""
+        """Whether at `row` the rear one was behind, with enough time to collision to brake for the front."""
         closing = float(rear.speed[row] - front.speed[row])
-        gap = float(self._gap()[row])
+        gap = float(front.s[row] - rear.s[row]) - (rear.length + front.length) / 2
         if gap <= 0:
             return False
         return closing <= 0 or gap / closing >= time_to_avoid(closing)
@@ -165,8 +165,7 @@ class _Encounter:
         """
         for row in reversed(range(len(self.ego.s))):
             if self._left_time(row, rear=self.other, front=self.ego):
-                behind = bool(self.other.s[row] < self.ego.s[row])
-                return behind and any(
+                return any(
                     _inside(self.ego, lane)[row] and _inside(self.other, lane)[row] for lane in self.lanes
                 )
         return False

@@ -117,6 +117,17 @@ def test_where_a_follower_was_at_its_last_chance_decides_though_both_change_lane
     assert verdict(ego, other) is expected
 
 
+def test_time_that_was_left_while_the_other_was_ahead_excuses_nothing() -> None:
+    # The ego, on the line between two lanes, passes the other and brakes before it.
+    speeds = np.repeat([20.0, 40.0, 20.0], [50, 200, 15])
+    steps = len(speeds)
+    s = np.concatenate(([0.0], np.cumsum(speeds[1:]) * DT))
+    ego = Track(s, np.full(steps, CENTRE[2] + 1.0), speeds, LENGTH, WIDTH)
+    other = track(s[-1] - LENGTH + 0.01, 25.0, sideways(CENTRE[1], CENTRE[2], steps, 15), steps)
+    assert other.s[0] > ego.s[0]
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
 def test_a_follower_across_both_lanes_does_not_excuse_entering_the_second() -> None:
     steps = 100
     ego = track(100.0, 20.0, sideways(CENTRE[1], CENTRE[1] + 1.6, steps, 20), steps)
