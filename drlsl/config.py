@@ -2,6 +2,7 @@
 
 import difflib
 import importlib.resources
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -319,7 +320,28 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 def dump_yaml(config: TrainConfig) -> str:
     """The complete configuration as YAML that `load_config` reads back to an equal one."""
-    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    return to_yaml(config.model_dump(mode="json"))
+
+
+_LINE_BREAKS = re.compile("[\x85\u2028\u2029]")
+"""Those beyond ASCII, which PyYAML writes as they are and then reads as other ones."""
+
+
+class _Dumper(yaml.SafeDumper):
+    """Escapes `_LINE_BREAKS`."""
+
+    def represent_str(self, data: str) -> yaml.ScalarNode:
+        """Text, in double quotes where it must be escaped."""
+        style = '"' if _LINE_BREAKS.search(data) else None
+        return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
+
+
+_Dumper.add_representer(str, _Dumper.represent_str)
+
+
+def to_yaml(values: Mapping[str, Any]) -> str:
+    """Plain values as YAML that `parse_yaml` reads back to equal ones, in their order."""
+    return yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
 def describe_keys(model: type[BaseModel] = TrainConfig, path: str = "") -> Iterator[tuple[str, str]]:

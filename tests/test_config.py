@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drlsl.config import (
@@ -81,6 +81,8 @@ def test_presets_ship_and_hold() -> None:
         },
     )
 )
+@example({"env": {"recording": "\x85"}})
+@example({"env": {"recording": "a \u2028b\u2029"}})
 @settings(max_examples=60, deadline=None)
 def test_a_dumped_configuration_reads_back_equal(values: dict[str, Any]) -> None:
     config = make_config(values, "test")

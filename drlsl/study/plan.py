@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from drlsl.config import (
@@ -18,6 +17,7 @@ from drlsl.config import (
     preset_names,
     preset_values,
     read_yaml,
+    to_yaml,
     with_value,
 )
 from drlsl.driving.config import EnvConfig
@@ -255,7 +255,7 @@ def make_study(values: Mapping[str, Any], source: str) -> StudyConfig:
 
 def dump_study(study: StudyConfig) -> str:
     """The study as YAML that `load_study` reads back to an equal one."""
-    return yaml.safe_dump(study.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+    return to_yaml(study.model_dump(mode="json"))
 
 
 def with_changes(
