@@ -138,12 +138,17 @@ class _Encounter:
         return len(self.ego.s) > 1 and bool(self._gap()[-2] <= 0)
 
     def _left_time(self, row: int, *, rear: Track, front: Track) -> bool:
-        """Whether at `row` the rear one was behind, with enough time to collision to brake for the front."""
+        """Whether at `row` the rear vehicle had time to collision enough to brake behind the front one."""
         closing = float(rear.speed[row] - front.speed[row])
-        gap = float(front.s[row] - rear.s[row]) - (rear.length + front.length) / 2
+        gap = float(self._gap()[row])
         if gap <= 0:
             return False
         return closing <= 0 or gap / closing >= time_to_avoid(closing)
+
+    def _other_had_time(self, row: int) -> bool:
+        """Whether at `row` the other was behind, with time to brake for the ego."""
+        behind = bool(self.other.s[row] < self.ego.s[row])
+        return behind and self._left_time(row, rear=self.other, front=self.ego)
 
     def _ego_kept_lane_since_before(self, row: int) -> bool:
         """Whether the ego was wholly in the lane it is in now from before `row` on."""
@@ -164,7 +169,7 @@ class _Encounter:
         Where they went after it no longer matters: that one did not brake for the ego ahead in its lane.
         """
         for row in reversed(range(len(self.ego.s))):
-            if self._left_time(row, rear=self.other, front=self.ego):
+            if self._other_had_time(row):
                 return any(
                     _inside(self.ego, lane)[row] and _inside(self.other, lane)[row] for lane in self.lanes
                 )
@@ -189,7 +194,7 @@ class _Encounter:
         if moved_in and entered is not None and entered < moved_in and _inside(self.ego, lane)[moved_in]:
             return True
         rows = [row for row in (entered, inside) if row is not None]
-        return any(self._left_time(row, rear=self.other, front=self.ego) for row in rows)
+        return any(map(self._other_had_time, rows))
 
     def _other_entered(self) -> int | None:
         """The row in which the other came into the ego's lane; None if it never was seen outside."""

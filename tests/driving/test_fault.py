@@ -155,6 +155,19 @@ def test_a_cut_in_excuses_the_ego_only_if_it_left_no_time(moving: int, expected:
     assert verdict(ego, other) is expected
 
 
+def test_a_vehicle_that_was_in_the_lane_behind_and_has_passed_does_not_excuse_running_into_it() -> None:
+    # It is 0.5 m over the line all along, so that the ego's side stays clear until the end.
+    steps = 400
+    speeds = np.repeat([40.0, 20.0], [150, 250])
+    s = np.concatenate(([0.0], np.cumsum(speeds[1:]) * DT))
+    over = CENTRE[1] + (3.5 - WIDTH) / 2 + 0.5
+    y = np.concatenate((np.full(20, CENTRE[1]), np.full(steps - 21, over), [CENTRE[2] - 1.0]))
+    other = Track(s, y, speeds, LENGTH, WIDTH)
+    ego = track(s[-1] - LENGTH + 0.01, 25.0, CENTRE[2], steps)
+    assert other.s[20] < ego.s[20] - LENGTH
+    assert verdict(ego, other) is Verdict.AT_FAULT
+
+
 def test_a_cut_in_does_not_excuse_an_ego_that_is_changing_lanes() -> None:
     steps = 250
     ego = track(100.0, 30.0, sideways(CENTRE[3], CENTRE[2], steps, 15), steps)
