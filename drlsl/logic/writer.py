@@ -20,6 +20,8 @@ _ESCAPES: Final = {
 _ARGUMENT: Final = 999
 _ANY: Final = 1200
 _DIGITS_AT_ONCE: Final = 4000
+# Integers of at most so many bits have at most that many digits.
+_BITS_AT_ONCE: Final = int(_DIGITS_AT_ONCE * math.log2(10))
 
 _Task = str | tuple[Term, int, int]
 
@@ -52,7 +54,7 @@ def _quote(text: str, quote: str) -> str:
 
 def format_integer(value: int) -> str:
     """Decimal digits of an integer of any size (Python's own conversion stops at 4,300 digits)."""
-    if -(10**_DIGITS_AT_ONCE) < value < 10**_DIGITS_AT_ONCE:
+    if value.bit_length() <= _BITS_AT_ONCE:
         return str(value)
     sign, value = ("-", -value) if value < 0 else ("", value)
     return sign + _long_digits(value).lstrip("0")
