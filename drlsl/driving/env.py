@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from drlsl.driving.action_space import one_action
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import Decisions
 from drlsl.driving.config import EnvConfig
@@ -55,8 +56,12 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         return self._observe(self.world.decisions), self._info(self.world.decisions, None)
 
     def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive one recorded frame."""
-        result = self.world.step(np.array([action]))
+        """Drive one recorded frame.
+
+        Raises:
+            TypeError, ValueError: the action is none of those that there are; nothing is driven.
+        """
+        result = self.world.step([one_action(action)])
         return (
             self._observe(result.decisions),
             float(result.reward[0]),

@@ -99,18 +99,18 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         return self._observations(), self._info(None, asked)
 
     def step(
-        self, actions: npt.NDArray[np.integer]
+        self, actions: npt.NDArray[np.integer] | Sequence[int]
     ) -> tuple[Observations, Floats, Mask, Mask, dict[str, Any]]:
         """Drive one recorded frame in every environment.
 
         Raises:
             ResetNeeded: autoreset is disabled and an episode is over.
-            UserError: an action is unknown.
+            TypeError, ValueError: the actions are not N of those that there are; nothing is driven.
         """
         again: list[int] = np.flatnonzero(self._over).tolist() if self._over.any() else []
         if again and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise gymnasium.error.ResetNeeded(f"the episodes of {again} are over: reset them first")
-        result = self.world.step(np.asarray(actions), {index: self._rngs[index] for index in again})
+        result = self.world.step(actions, {index: self._rngs[index] for index in again})
         over = result.terminated | result.truncated
         info = self._info(result, self._all, began=again)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():

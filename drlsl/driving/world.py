@@ -9,6 +9,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from drlsl.driving.action_space import several_actions
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
 from drlsl.driving.config import EnvConfig
@@ -23,7 +24,6 @@ from drlsl.driving.reward import reward_terms
 from drlsl.driving.scene import Scene
 from drlsl.driving.sensing import Sensing
 from drlsl.driving.shield import Shield
-from drlsl.errors import UserError
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
@@ -167,7 +167,9 @@ class World:
         self._seen = seen if self._sensing else scenes
 
     def step(
-        self, actions: npt.NDArray[np.integer], restarts: Mapping[int, np.random.Generator] | None = None
+        self,
+        actions: npt.NDArray[np.integer] | Sequence[int],
+        restarts: Mapping[int, np.random.Generator] | None = None,
     ) -> StepResult:
         """Drive one step with `actions` of shape (N,), each an `Action`.
 
@@ -175,10 +177,10 @@ class World:
         `restarts` begin a new episode instead, as in `reset`.
 
         Raises:
-            UserError: an action is unknown.
+            TypeError, ValueError: the actions are not N of those that there are; nothing is driven.
+            UserError: the rules keep a lane that the road does not have.
         """
-        if actions.min() < 0 or actions.max() >= len(Action):
-            raise UserError(f"unknown action in {actions.tolist()}; known are 0 to {len(Action) - 1}")
+        actions = several_actions(actions, self.count)
         egos, at, decisions = self._egos, self._egos.at, self.decisions
         playing = ~at.ended
         changed = egos.steer(actions, decisions.lane_to_keep, self._courses)

@@ -178,5 +178,5 @@ def test_bad_seeds_masks_and_actions_are_refused(shield: Shield) -> None:
     with pytest.raises(ValueError, match="marks no environment"):
         env.reset(options={"reset_mask": np.zeros(2, dtype=np.bool_)})
     env.reset(seed=0)
-    with pytest.raises(UserError, match="unknown action"):
+    with pytest.raises(ValueError, match="unknown action"):
         env.step(np.array([0, -1]))

@@ -161,7 +161,7 @@ def test_egos_do_not_influence_each_other(shield: Shield) -> None:
 
 
 def test_an_unknown_action_is_refused(shield: Shield) -> None:
-    with pytest.raises(UserError, match="unknown action"):
+    with pytest.raises(ValueError, match="unknown action"):
         started(world(shield, recording(EMPTY))).step(np.array([3]))
 
 
