@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -14,9 +15,20 @@ Runs = Annotated[int, typer.Option(min=1, help="Runs of each measurement; the me
 
 
 @app.command()
-def engine(runs: Runs = 5, as_json: AsJson = False) -> None:
+def engine(
+    runs: Runs = 5,
+    programs: Annotated[
+        Path | None,
+        typer.Option(help="Measure the programs of this folder instead, each with a goal top or main."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Measure the logic engine in inferences per second and ten programs, beside swipl where it is there."""
     from drlsl.errors import UserError
+
+    if programs is not None:
+        _compare_programs(programs, runs, as_json=as_json)
+        return
     from drlsl.logic.bench import inferences_per_second, program_times
 
     try:
@@ -26,11 +38,11 @@ def engine(runs: Runs = 5, as_json: AsJson = False) -> None:
             f"{error.filename} is missing: the benchmark programs are in a checkout only"
         ) from error
     if as_json:
-        programs = {
+        by_program = {
             timing.program: {"compiled_s": timing.compiled, "plain_s": timing.plain, "swipl_s": timing.swipl}
             for timing in times
         }
-        print(json.dumps({**speeds, "programs": programs}, indent=2))
+        print(json.dumps({**speeds, "programs": by_program}, indent=2))
         return
     for name, speed in speeds.items():
         print(f"{name:<22} {speed / 1e6:8.3f} million a second")
@@ -38,6 +50,45 @@ def engine(runs: Runs = 5, as_json: AsJson = False) -> None:
     for timing in times:
         cells = (timing.compiled, timing.plain, timing.swipl)
         print(f"{timing.program:<10} " + " ".join(f"{_milliseconds(cell):>12}" for cell in cells))
+
+
+def _compare_programs(folder: Path, runs: int, *, as_json: bool) -> None:
+    """Print how much longer each program of a folder takes than in SWI-Prolog."""
+    from drlsl.errors import UserError
+    from drlsl.logic.bench_set import Times, compare_folder, geometric_mean
+
+    ratios: dict[str, list[float]] = {"first": [], "repeated": []}
+    report: dict[str, Any] = {}
+    if not as_json:
+        heads = ("first call", "swipl", "ratio", "repeated", "swipl", "ratio")
+        print(f"{'program':<16}" + "".join(f"{head:>12}" for head in heads))
+    try:
+        for each in compare_folder(folder, runs):
+            here, swipl = each.here, each.swipl
+            if here is None or swipl is None:
+                report[each.program] = {"problem": each.problem}
+                if not as_json:
+                    print(f"{each.program:<16}  not rated: {each.problem}")
+                continue
+            pairs = {"first": (here.first, swipl.first), "repeated": (here.repeated, swipl.repeated)}
+            line = f"{each.program:<16}"
+            for kind, (ours, theirs) in pairs.items():
+                ratio = ours / max(theirs, Times.SHORTEST)
+                ratios[kind].append(ratio)
+                report.setdefault(each.program, {})[kind] = {"s": ours, "swipl_s": theirs, "ratio": ratio}
+                line += f"{ours * 1e3:>9.3f} ms{theirs * 1e3:>9.4f} ms{ratio:>12.1f}"
+            if not as_json:
+                print(line)
+    except FileNotFoundError as error:
+        raise UserError(f"{error} is missing: programs are compared with SWI-Prolog's") from error
+    if not ratios["first"]:
+        raise UserError(f"no program of {folder} could be rated")
+    means = {kind: geometric_mean(values) for kind, values in ratios.items()}
+    if as_json:
+        print(json.dumps({"programs": report, "geometric_mean": means}, indent=2))
+    else:
+        print(f"geometric mean of {len(ratios['first'])}: first call {means['first']:.1f} times", end="")
+        print(f" as long as swipl, repeated {means['repeated']:.1f}")
 
 
 @app.command()

@@ -100,7 +100,7 @@ def load(program: str, *, compiled: bool) -> Engine:
 
 
 @contextmanager
-def _rare_collections() -> Iterator[None]:
+def rare_collections() -> Iterator[None]:
     """Python's collector set to look for cycles less often, as suits a program that builds many terms."""
     before = gc.get_threshold()
     gc.collect()
@@ -116,7 +116,7 @@ def _median(program: str, size: int, runs: int, *, compiled: bool) -> float:
     engine = load(program, compiled=compiled)
     query = engine.prepare(f"bench({size}, _)")
     times = []
-    with _rare_collections():
+    with rare_collections():
         if compiled:
             query.holds()
         for _ in range(runs):
