@@ -20,7 +20,7 @@ CONTINUATION: Final = 1
 FIRST_SLOT: Final = 2
 
 # What a node does, the most frequent first.
-CALL, DET, PROCEED, CUT, FAIL, BRANCH, EITHER, SOFT_CUT, CONTROL, NONDET, RAISE = range(11)
+CALL, DET, PROCEED, IN_PLACE, CUT, FAIL, BRANCH, EITHER, SOFT_CUT, CONTROL, NONDET, RAISE = range(12)
 
 _DEEPEST_PATTERN: Final = 60
 _OPAQUE: Final = frozenset({"call", "once", "ignore", "\\+", "not"})
@@ -70,7 +70,7 @@ class Node:
         self.name = ""
         self.args: tuple[Any, ...] = ()
         self.target: Any = None  # CALL: the predicate
-        self.function: Any = None  # DET, NONDET, CONTROL: the builtin; RAISE: makes the error
+        self.function: Any = None  # DET, IN_PLACE, NONDET, CONTROL: the builtin; RAISE: makes the error
         self.other: Node | None = (
             None  # BRANCH: what to do when the condition fails; EITHER: the second branch
         )
@@ -136,45 +136,100 @@ def _build_deep(pattern: Pattern, frame: list[Any]) -> Struct:
     return root
 
 
-def make_pattern(term: Term, slots: dict[Var, int]) -> Any:
-    """A term as a pattern: its variables become `Local`, its ground subterms stay."""
+class Slots:
+    """Which slot of the frame each variable of a clause has, and how often it occurs there."""
+
+    __slots__ = ("uses", "variables")
+
+    def __init__(self) -> None:
+        self.variables: dict[Var, int] = {}
+        self.uses: list[int] = []
+
+    def __len__(self) -> int:
+        return len(self.uses)
+
+    def local(self, variable: Var) -> Local:
+        """One more occurrence of a variable."""
+        number = self.variables.get(variable)
+        if number is None:
+            self.variables[variable] = number = len(self.uses)
+            self.uses.append(1)
+        else:
+            self.uses[number] += 1
+        return Local(number + FIRST_SLOT)
+
+    def first(self, variable: Var) -> Local:
+        """One more occurrence of a variable, a `First` if it is the first."""
+        return self.local(variable) if variable in self.variables else First(self.local(variable).index)
+
+
+class _TooDeep(Exception):
+    """A term nests too deep to be walked by recursion."""
+
+
+def make_pattern(term: Term, slots: Slots, local: Callable[[Var], Local] | None = None) -> Any:
+    """A term as a pattern: its variables become what `local` makes of them, its ground subterms stay."""
     term = deref(term)
     if type(term) is Var:
-        return Local(slots.setdefault(term, len(slots) + FIRST_SLOT))
+        return slots.local(term) if local is None else local(term)
     if type(term) is not Struct:
         return term
+    try:
+        return _compound_pattern(term, local or slots.local, _DEEPEST_PATTERN)
+    except _TooDeep:
+        return _deep_pattern(term, slots)
+
+
+def _compound_pattern(term: Struct, local: Callable[[Var], Local], left: int) -> Pattern | Struct:
+    if not left:
+        raise _TooDeep
+    parts: list[Any] = []
+    is_ground = True
+    for part in term.args:
+        if type(part) is Var:
+            part = deref(part)
+        kind = type(part)
+        if kind is Var:
+            parts.append(local(part))  # type: ignore[arg-type]  # kind says so
+            is_ground = False
+        elif kind is Struct:
+            inner = _compound_pattern(part, local, left - 1)  # type: ignore[arg-type]  # kind says so
+            parts.append(inner)
+            if type(inner) is Pattern:
+                is_ground = False
+        else:
+            parts.append(part)
+    return Struct(term.name, tuple(parts)) if is_ground else Pattern(term.name, tuple(parts))
+
+
+def _deep_pattern(term: Struct, slots: Slots) -> DeepPattern | Struct:
     # Shells are filled from the top; ground ones are turned back into terms from the bottom.
     root = Pattern(term.name, ())
-    order = [(root, term, 1)]
-    deepest = 1
+    order = [(root, term)]
     at = 0
     while at < len(order):
-        shell, source, depth = order[at]
+        shell, source = order[at]
         at += 1
-        deepest = max(deepest, depth)
         parts: list[Any] = []
         for arg in source.args:
             arg = deref(arg)
             if type(arg) is Var:
-                parts.append(Local(slots.setdefault(arg, len(slots) + FIRST_SLOT)))
+                parts.append(slots.local(arg))
             elif type(arg) is Struct:
                 inner = Pattern(arg.name, ())
-                order.append((inner, arg, depth + 1))
+                order.append((inner, arg))
                 parts.append(inner)
             else:
                 parts.append(arg)
         shell.args = tuple(parts)
     ground: dict[int, Struct] = {}
-    for shell, _source, _depth in reversed(order):
+    for shell, _source in reversed(order):
         args = tuple(ground.get(id(part), part) for part in shell.args)
         if any(type(part) is Local or isinstance(part, Pattern) for part in args):
             shell.args = args
         else:
             ground[id(shell)] = Struct(shell.name, args)
-    known = ground.get(id(root))
-    if known is not None:
-        return known
-    return root if deepest <= _DEEPEST_PATTERN else DeepPattern(root.name, root.args)
+    return ground.get(id(root)) or DeepPattern(root.name, root.args)
 
 
 class BodyCompiler:
@@ -187,7 +242,7 @@ class BodyCompiler:
     def __init__(
         self,
         link: Callable[[Node, str, int], None],
-        slots: dict[Var, int] | None,
+        slots: Slots | None,
         clause: Clause | None = None,
     ) -> None:
         self._link = link
@@ -384,50 +439,16 @@ def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:
 
 def compile_clause(clause: Clause, link: Callable[[Node, str, int], None]) -> Code:
     """Make a clause ready to be run."""
-    slots: dict[Var, int] = {}
-    patterns = [make_pattern(arg, slots) for arg in clause.args]
+    slots = Slots()
+    patterns = [make_pattern(arg, slots, slots.first) for arg in clause.args]
     compiler = BodyCompiler(link, slots, clause)
     body = compiler.compile(clause.body)
-    used = _count_uses(clause)
-    seen: set[int] = set()
+    uses = slots.uses
     head = tuple(
-        (position, _mark_first(pattern, seen))
-        for position, pattern in enumerate(patterns)
-        if type(pattern) is not Local or used[pattern.index - FIRST_SLOT] > 1
+        [
+            (position, pattern)
+            for position, pattern in enumerate(patterns)
+            if type(pattern) is not First or uses[pattern.index - FIRST_SLOT] > 1
+        ]
     )
     return Code(head, [None] * compiler.frame_size(), body)
-
-
-def _mark_first(pattern: Any, seen: set[int]) -> Any:
-    """A pattern of the head with `First` where a variable occurs for the first time, from left to right."""
-    kind = type(pattern)
-    if kind is Local and pattern.index not in seen:
-        seen.add(pattern.index)
-        return First(pattern.index)
-    if kind is Pattern:
-        return Pattern(pattern.name, tuple([_mark_first(part, seen) for part in pattern.args]))
-    if kind is DeepPattern:
-        todo = [pattern]
-        while todo:
-            for part in todo.pop().args:
-                if isinstance(part, Pattern):
-                    todo.append(part)
-                elif type(part) is Local:
-                    seen.add(part.index)
-    return pattern
-
-
-def _count_uses(clause: Clause) -> list[int]:
-    """How often each variable occurs in a clause, in the order in which slots are given out."""
-    counts: dict[Var, int] = {}
-    todo = [clause.body, *reversed(clause.args)]
-    slots: dict[Var, int] = {}
-    for arg in clause.args:
-        make_pattern(arg, slots)
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Var:
-            counts[term] = counts.get(term, 0) + 1
-        elif type(term) is Struct:
-            todo.extend(term.args)
-    return [counts[variable] for variable in slots]

@@ -8,11 +8,12 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final
 
-from drlsl.logic.body import CALL, CONTROL, DET, NONDET, Node
+from drlsl.logic.body import CALL, CONTROL, DET, IN_PLACE, NONDET, Node
 from drlsl.logic.builtins import registry
 from drlsl.logic.compiler.tiers import cold_entry
 from drlsl.logic.dcg import translate_rule
 from drlsl.logic.flags import Flags
+from drlsl.logic.inplace import ARITHMETIC
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Indicator, Predicate, Program
 from drlsl.logic.reader import read_terms
@@ -104,8 +105,11 @@ def set_target(node: Node, found: tuple[int, Any]) -> None:
     node.op, target = found
     if node.op == CALL:
         node.target = target
-    else:
-        node.function = target
+        return
+    node.function = target
+    in_place = ARITHMETIC.get(target) if node.op == DET else None
+    if in_place is not None:
+        node.op, node.function = IN_PLACE, in_place
 
 
 @cache

@@ -78,7 +78,7 @@ class Predicate:
         "_others",
         "_row_index",
         "arity",
-        "calls",
+        "cold",
         "defined",
         "discontiguous",
         "dynamic",
@@ -98,7 +98,7 @@ class Predicate:
         self.discontiguous = False
         self.multifile = False
         self.defined = False  # known to the program: it has or had clauses, or was declared
-        self.calls = 0  # how often it was called before it was compiled
+        self.cold = 0  # how many calls the plain solver makes before they go through `entry`
         self.entry: Any = None  # the function that compiled code calls it by
         self._clauses: list[Clause] = []
         self.rows: list[Row] | None = None  # the facts as rows while the predicate was filled in bulk

@@ -26,6 +26,7 @@ from drlsl.logic.body import (
     CUT,
     DET,
     EITHER,
+    IN_PLACE,
     PROCEED,
     PROCEED_NODE,
     RAISE,
@@ -408,7 +409,9 @@ def other_rows(machine: Machine, choice: Choice) -> Task:
 def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
     """Call a predicate with dereferenced arguments, by its compiled code if the engine uses such."""
     if machine.compiled:
-        return (predicate.entry, 0, None, *args, continuation)
+        if not predicate.cold:
+            return (predicate.entry, 0, None, *args, continuation)
+        predicate.cold -= 1
     return interpret(machine, predicate, args, continuation)
 
 
@@ -418,12 +421,11 @@ def interpret(machine: Machine, predicate: Predicate, args: Sequence[Any], conti
     if predicate.rows is not None:
         return try_rows(machine, predicate.candidate_rows(first), 0, args, continuation)
     candidates = predicate.candidates(first)
-    if not candidates and not predicate.defined:
+    end = len(candidates)
+    if not end and not predicate.defined:
         return machine.undefined(predicate, args, continuation)
     start = predicate.start if type(first) is Var else 0
-    return try_clauses(
-        machine, candidates, start, len(candidates), machine.program.generation, args, continuation
-    )
+    return try_clauses(machine, candidates, start, end, machine.program.generation, args, continuation)
 
 
 def try_rows(
@@ -483,10 +485,12 @@ def try_clauses(
                 if not unify(frame[pattern.index], arg, trail):
                     break
             elif arg is not pattern:
-                if type(arg) is Var and arg.ref is None and kind is not DeepPattern:
+                if kind is DeepPattern:
+                    pattern = build(pattern, frame)
+                if type(arg) is Var and arg.ref is None:
                     arg.ref = pattern
                     trail.append(arg)
-                elif not unify(build(pattern, frame) if kind is DeepPattern else pattern, arg, trail):
+                elif (kind is Atom and type(arg) is Atom) or not unify(pattern, arg, trail):
                     break
         else:
             if index < end:
@@ -509,45 +513,47 @@ def run(machine: Machine, task: Task) -> Task:
     try:
         while True:
             op = node.op
-            if op == DET:
+            if op == CALL:
+                machine.left -= 1
+                if machine.left < 0:
+                    machine.tick((run, node, frame))
+                args = arguments(node.args, frame)
+                continuation = frame[1] if node.next is PROCEED_NODE else (run, node.next, frame)
+                following = enter(machine, node.target, args, continuation)
+            elif op == DET:
                 if node.function(machine, *arguments(node.args, frame)):
                     node = node.next
                     continue
                 following = fail(machine)
             elif op == PROCEED:
                 following = frame[1]
+            elif op == IN_PLACE:
+                if node.function(machine, node.args, frame):
+                    node = node.next
+                    continue
+                following = fail(machine)
             elif op == CUT:
                 height = frame[node.slot] + node.target
                 if len(choices) > height:
                     cut(machine, height)
                 node = node.next
                 continue
-            elif op in (BRANCH, EITHER):
+            elif op in _BRANCHING:
                 if op == BRANCH:
                     frame[node.slot] = len(choices)
                 choices.append((other_branch, len(machine.trail), node.other, frame))
                 node = node.next
                 continue
+            elif op == FAIL_OP:
+                following = fail(machine)
             elif op == SOFT_CUT:
                 soft_cut(choices, frame[node.slot])
                 node = node.next
                 continue
             elif op == RAISE:
                 raise node.function()
-            elif op == FAIL_OP:
-                following = fail(machine)
             else:
-                machine.left -= 1
-                if machine.left < 0:
-                    machine.tick((run, node, frame))
-                args = arguments(node.args, frame)
-                continuation = frame[1] if node.next is PROCEED_NODE else (run, node.next, frame)
-                if op == CALL:
-                    following = enter(machine, node.target, args, continuation)
-                elif op == CONTROL:
-                    following = node.function(machine, args, continuation)
-                else:
-                    following = start_generator(machine, node.function(machine, *args), continuation)
+                following = _call_builtin(machine, node, frame)
             while following[0] is not run:
                 if following[0] not in _LOCAL:
                     return following
@@ -560,6 +566,19 @@ def run(machine: Machine, task: Task) -> Task:
             error.goal = Struct(node.name, tuple(args)) if args else Atom(node.name)
             error.clause = _place(node.clause)
         raise
+
+
+def _call_builtin(machine: Machine, node: Node, frame: list[Any]) -> Task:
+    """Call a control construct or a nondeterministic builtin."""
+    machine.left -= 1
+    if machine.left < 0:
+        machine.tick((run, node, frame))
+    args = arguments(node.args, frame)
+    continuation = frame[1] if node.next is PROCEED_NODE else (run, node.next, frame)
+    if node.op == CONTROL:
+        following: Task = node.function(machine, args, continuation)
+        return following
+    return start_generator(machine, node.function(machine, *args), continuation)
 
 
 def _place(clause: Clause | None) -> str | None:
@@ -578,6 +597,7 @@ def cut(machine: Machine, height: int) -> None:
             clean_up(machine, choice[2])
 
 
+_BRANCHING: Final = frozenset({BRANCH, EITHER})
 # What the loop calls by itself, since it comes back to the loop more often than not.
 _LOCAL: Final = frozenset(
     {fail, other_branch, other_clauses, other_rows, retry_generator, leave_catch, exit_catch, dead}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,9 +18,11 @@ GOALS = (HERE / "goals.txt").read_text(encoding="utf-8").splitlines()
 _MOST = 10
 
 
-@pytest.fixture(autouse=True)
-def _compile_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+@pytest.fixture(autouse=True, scope="module")
+def _compile_at_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(tiers, "PATIENCE", 0)
+        yield
 
 
 def answers(engine: Engine, goal: str) -> list[str]:

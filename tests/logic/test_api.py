@@ -32,7 +32,7 @@ from drlsl.logic.values import Value, to_term, to_value
 @pytest.fixture(params=["plain", "compiled"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Engine:
     """An engine of each kind; the compiled one compiles at the first call."""
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+    monkeypatch.setattr(tiers, "PATIENCE", 0)
     return Engine(compiled=request.param == "compiled")
 
 

@@ -41,7 +41,7 @@ p(1). p(2). p(3).
 @pytest.fixture(params=["plain", "compiled"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Engine:
     """An engine of each kind with the program above; the compiled one compiles at the first call."""
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+    monkeypatch.setattr(tiers, "PATIENCE", 0)
     engine = Engine(compiled=request.param == "compiled")
     engine.consult_text(PROGRAM)
     return engine
@@ -108,7 +108,7 @@ def test_each_query_has_limits_of_its_own(engine: Engine) -> None:
 
 @pytest.mark.parametrize("compiled", [False, True])
 def test_every_round_of_a_loop_is_an_inference(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+    monkeypatch.setattr(tiers, "PATIENCE", 0)
     engine = Engine(compiled=compiled)
     engine.consult_text(PROGRAM)
     with pytest.raises(LimitExceeded):

@@ -19,7 +19,7 @@ longer(N, X) :- X > N.
 
 @pytest.fixture(params=["plain", "compiled"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Engine:
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+    monkeypatch.setattr(tiers, "PATIENCE", 0)
     engine = Engine(compiled=request.param == "compiled")
     engine.consult_text(PROGRAM)
     return engine

@@ -46,7 +46,7 @@ FILES = sorted([*CORPUS.rglob("*.pl"), *(ROOT / "rules").glob("*.pl")])
 
 @pytest.fixture(autouse=True)
 def _compile_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+    monkeypatch.setattr(tiers, "PATIENCE", 0)
     monkeypatch.setattr("sys.stdin", io.StringIO("a. b(X) :- c.\n"))
 
 

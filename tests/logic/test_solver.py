@@ -41,7 +41,7 @@ many(N) :- many(N).
 @pytest.fixture(params=["plain", "compiled"])
 def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Engine:
     """An engine of each kind with the program above; the compiled one compiles at the first call."""
-    monkeypatch.setattr(tiers, "_WORTH_IT", -1)
+    monkeypatch.setattr(tiers, "PATIENCE", 0)
     engine = Engine(compiled=request.param == "compiled")
     engine.consult_text(PROGRAM)
     return engine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from drlsl.logic.arithmetic import evaluate, generator
 from drlsl.logic.builtins.arguments import integer
@@ -23,19 +23,26 @@ def is_(machine: Machine, result: Term, expression: Term) -> bool:
     return machine.unify(result, value)
 
 
+# Source: ISO 13211-1, 8.7.1.
+COMPARISONS: Final[dict[str, Callable[[Any, Any], bool]]] = {
+    "=:=": operator.eq,
+    "=\\=": operator.ne,
+    "<": operator.lt,
+    "=<": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+"""What holds of two numbers, by the name of the comparison."""
+
+
 def _declare_comparison(name: str, holds: Callable[[Any, Any], bool]) -> None:
     @det(name, 2)
     def comparison(machine: Machine, left: Term, right: Term) -> bool:
         return holds(evaluate(left, machine), evaluate(right, machine))
 
 
-# Source: ISO 13211-1, 8.7.1.
-_declare_comparison("=:=", operator.eq)
-_declare_comparison("=\\=", operator.ne)
-_declare_comparison("<", operator.lt)
-_declare_comparison("=<", operator.le)
-_declare_comparison(">", operator.gt)
-_declare_comparison(">=", operator.ge)
+for _name, _holds in COMPARISONS.items():
+    _declare_comparison(_name, _holds)
 
 
 @det("succ", 2)

@@ -1,46 +1,83 @@
-"""When a predicate is compiled: after it has been called often enough to be worth it."""
+"""When a predicate is compiled: after the plain solver has spent about as long on it as compiling will take.
+
+Then it takes at most about twice the time of the better choice, however often the predicate is called.
+"""
 
 from __future__ import annotations
 
+import sys
 from functools import partial
 from typing import Any, Final
 
 from drlsl.logic.errors import PrologError
 from drlsl.logic.program import Predicate
 from drlsl.logic.solver import Machine, Task, interpret
-from drlsl.logic.terms import deref
+from drlsl.logic.terms import Struct, deref
 
-# Compiling takes about as long as this many calls of the plain solver.
-_WORTH_IT: Final = 100
+PATIENCE: Final = 6.0
+"""Calls by the plain solver in which compiling one node of a clause's term would have paid for itself."""
+
+# Smaller predicates than this are not worth being measured.
+_SMALL: Final = 16
 _MOST_CLAUSES: Final = 40
 
 
 def cold_entry(linker: Any, predicate: Predicate) -> Any:
-    """The function that compiled code calls a predicate by before that is compiled itself."""
-    predicate.calls = 0
-    return partial(_call_cold, linker, predicate)
+    """The function that calls a predicate which has no code of its own yet, once its cold calls are spent."""
+    # What is not defined is left to the plain solver, which says where it was called.
+    predicate.cold = int(PATIENCE * _SMALL) if predicate.defined else sys.maxsize
+    return partial(_call_cold, linker, predicate, measured=False)
 
 
-def _call_cold(linker: Any, predicate: Predicate, machine: Machine, task: Task) -> Task:
-    """Call the predicate by the plain solver; at the last cold call, compile it."""
-    predicate.calls += 1
-    if predicate.calls > _WORTH_IT:
+def _call_cold(linker: Any, predicate: Predicate, machine: Machine, task: Task, *, measured: bool) -> Task:
+    """Call the predicate by the plain solver; when it has been called for long enough, compile it.
+
+    Compiled code comes here with every call, the plain solver only when no cold calls are left.
+    """
+    if predicate.cold:
+        predicate.cold -= 1
+    elif not measured:
+        predicate.cold = int(PATIENCE * max(0, _size(predicate) - _SMALL))
+        predicate.entry = partial(_call_cold, linker, predicate, measured=True)
+        again: Task = predicate.entry(machine, task)
+        return again
+    else:
         entry = _compile(linker, predicate)
         if entry is not None:
             predicate.entry = entry
             compiled: Task = entry(machine, task)
             return compiled
+        predicate.cold = sys.maxsize
         predicate.entry = partial(_call_plain, predicate)
-    return interpret(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
+    return _call_plain(predicate, machine, task)
 
 
 def _call_plain(predicate: Predicate, machine: Machine, task: Task) -> Task:
     return interpret(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
 
 
+def _size(predicate: Predicate) -> int:
+    """How many nodes the terms of a predicate's clauses have; 0 where it will not be compiled."""
+    if not _is_compilable(predicate):
+        return 0
+    size = 0
+    for clause in predicate.clauses:
+        todo = [clause.head, clause.body]
+        while todo:
+            term = deref(todo.pop())
+            size += 1
+            if type(term) is Struct:
+                todo.extend(term.args)
+    return size
+
+
+def _is_compilable(predicate: Predicate) -> bool:
+    return not predicate.dynamic and predicate.rows is None and 0 < len(predicate) <= _MOST_CLAUSES
+
+
 def _compile(linker: Any, predicate: Predicate) -> Any:
     """The compiled entry point, or None for a predicate that stays with the plain solver."""
-    if predicate.dynamic or predicate.rows is not None or not 0 < len(predicate) <= _MOST_CLAUSES:
+    if not _is_compilable(predicate):
         return None
     # Imported late: programs that run for a moment need no compiler.
     from drlsl.logic.compiler.predicate import compile_predicate
