@@ -66,6 +66,7 @@ class Replay:
         self._property = prop
         self._goal = engine.prepare(prop.goal)
         self._scalar: Scalar | None = None
+        self._shields: list[Shield] | None = None
         with suppress(NotLowerable):  # then the interpreter's word is enough
             self._scalar = compile_scalar(lower(engine, facts, [prop.query]))
 
@@ -126,16 +127,22 @@ class Replay:
             decision = interpreter.decide(scene)
         except RuleFailure:
             return True
-        for tier in _TIERS:
-            try:
-                batch = Shield(self._engine, tier=tier).decide_batch(SceneBatch.of([scene]))
-            except UserError:
-                continue  # a program that this tier cannot run
+        for shield in self._fast_shields():
+            batch = shield.decide_batch(SceneBatch.of([scene]))
             if batch.failures or tuple(map(int, batch.action_mask[0])) != decision.action_mask:
                 return False
             if float(batch.target_speed[0]) != decision.target_speed:
                 return False
         return True
+
+    def _fast_shields(self) -> Sequence[Shield]:
+        """Shields of the tiers that can run the program, made once: its clauses stay as they are."""
+        if self._shields is None:
+            self._shields = []
+            for tier in _TIERS:
+                with suppress(UserError):  # a program that this tier cannot run
+                    self._shields.append(Shield(self._engine, tier=tier))
+        return self._shields
 
     # ---------------------------------------------------------------- images
 
