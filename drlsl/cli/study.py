@@ -74,13 +74,15 @@ def study(
 
     root = out or Path("runs") / f"study-{preset or (config.stem if config else PRESET)}"
     if report_only:
-        return _report(StudyFolder.open(root))
+        _report(StudyFolder.open(root))
+        return
     chosen = _chosen(root, preset, config, seeds, episodes, methods, test)
     if print_config:
         typer.echo(dump_study(chosen), nl=False)
-        return None
-    folder = _prepare(root, chosen)
-    return _run(folder, jobs, ray)
+        return
+    inputs = _inputs(chosen)
+    with StudyFolder.at_work(root):
+        _run(StudyFolder.prepare(root, chosen, inputs), jobs, ray)
 
 
 def _chosen(
@@ -93,24 +95,23 @@ def _chosen(
     test: list[str] | None,
 ) -> StudyConfig:
     """The study that the flags mean; without any, the one in the folder."""
-    from drlsl.study.folder import STUDY
+    from drlsl.study.folder import STUDY, StudyFolder
     from drlsl.study.plan import load_study, preset_study, with_changes
 
     if preset and config:
         raise UserError("--preset and --config: give one of them")
     if not (preset or config) and (root / STUDY).is_file():
-        base = load_study(root / STUDY)
+        base = StudyFolder.open(root).study
     else:
         base = load_study(config) if config else preset_study(preset or PRESET)
     return with_changes(base, seeds=seeds, episodes=episodes, methods=methods, tests=test)
 
 
-def _prepare(root: Path, chosen: StudyConfig) -> StudyFolder:
-    from drlsl.study.folder import StudyFolder
+def _inputs(chosen: StudyConfig) -> dict[str, Any]:
+    """The command, and what the results depend on beside the settings."""
     from drlsl.study.tasks import inputs_of
 
-    command = shlex.join(["drlsl", *sys.argv[1:]])
-    return StudyFolder.prepare(root, chosen, {"command": command, **inputs_of(chosen)})
+    return {"command": shlex.join(["drlsl", *sys.argv[1:]]), **inputs_of(chosen)}
 
 
 def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
@@ -119,7 +120,7 @@ def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
     from drlsl.study.schedule import work
 
     console = Console(stderr=True)
-    with folder.locked(), stop_on_signal(console.print) as stop:
+    with stop_on_signal(console.print) as stop:
         with _display(folder, console) as show:
             for progress in work(folder, _workers(folder, jobs, ray), stop.requested):
                 show(progress)

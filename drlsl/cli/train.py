@@ -112,7 +112,8 @@ def train(
             typer.echo(dump_yaml(chosen), nl=False)
             return
         session = _start(out, chosen, force)
-    _train(session)
+    with session:
+        _train(session)
 
 
 def _given_settings(settings: list[str], flags: Mapping[str, object]) -> dict[str, Any]:

@@ -1,20 +1,48 @@
 """Files of a run that are written whole or not at all: checkpoints, weights and text."""
 
 import io
+import logging
 import os
 import pickle
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 import torch
 
 from drlsl.errors import UserError
+from drlsl.learning.seal import DamagedError, open_archive, seal_archive
 
-FORMAT = 2
-"""Version of the checkpoint and weight files; a reader refuses any other."""
+_LOG: Final = logging.getLogger(__name__)
+
+FORMAT: Final = 3
+"""Version of the checkpoint and weight files; they carry a checksum of their content."""
+
+FORMAT_WITHOUT_CHECKSUM: Final = 2
+"""The version before, which is read too, with a warning."""
+
+Kind = Literal["checkpoint", "policy"]
+
+_ADVICE: Final[Mapping[Kind, str]] = {
+    "checkpoint": "put back a copy of it, or start again with --force",
+    "policy": "`drlsl train --resume` writes it anew from the checkpoint",
+}
+"""What to do about a damaged file."""
+
+_UNREADABLE: Final = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    pickle.UnpicklingError,
+)
+"""What PyTorch raises at files that it did not write."""
 
 
 def write_atomic(path: Path, content: bytes) -> None:
@@ -46,15 +74,19 @@ def _replace(path: Path, content: bytes) -> None:
     _sync_folder(path.parent)
 
 
-def save_state(path: Path, kind: str, state: Mapping[str, Any]) -> None:
-    """Write plain types and tensors as a file of a kind ("checkpoint", "policy")."""
+def save_state(path: Path, kind: Kind, state: Mapping[str, Any]) -> None:
+    """Write plain types and tensors as a file of a kind, with a checksum of its content.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
     buffer = io.BytesIO()
     torch.save({"format": FORMAT, "kind": kind, **state}, buffer)
-    write_atomic(path, buffer.getvalue())
+    write_atomic(path, seal_archive(buffer.getvalue()))
 
 
-def load_state(path: Path, kind: str) -> dict[str, Any]:
-    """Read what `save_state` wrote; nothing in the file can run code.
+def load_state(path: Path, kind: Kind) -> dict[str, Any]:
+    """Read what `save_state` wrote, to the bit; nothing in the file can run code.
 
     Raises:
         UserError: the file is missing, damaged, of another kind or of another version.
@@ -64,14 +96,23 @@ def load_state(path: Path, kind: str) -> dict[str, Any]:
     except OSError as error:
         raise UserError(f"{path}: cannot read the {kind}: {error.strerror or error}") from error
     try:
+        sealed = open_archive(content)
         state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, ValueError, KeyError) as error:
-        raise UserError(f"{path}: not a {kind} file, or damaged ({type(error).__name__})") from error
+    except DamagedError as error:
+        raise UserError(f"{path}: damaged {kind}: {error}; {_ADVICE[kind]}") from error
+    except _UNREADABLE as error:
+        name = type(error).__name__
+        raise UserError(f"{path}: not a {kind} file, or damaged ({name}); {_ADVICE[kind]}") from error
     found: dict[str, Any] = state if isinstance(state, dict) else {}
     if found.get("kind") != kind:
         raise UserError(f"{path}: expected a {kind}, found {found.get('kind') or type(state).__name__}")
-    if found["format"] != FORMAT:
-        raise UserError(f"{path}: {kind} of format {found['format']}, this version reads format {FORMAT}")
+    version = found.get("format")
+    if version == FORMAT and not sealed:
+        raise UserError(f"{path}: damaged {kind}: its checksum is missing; {_ADVICE[kind]}")
+    if version not in (FORMAT, FORMAT_WITHOUT_CHECKSUM):
+        raise UserError(f"{path}: {kind} of format {version}, this version reads format {FORMAT}")
+    if not sealed:
+        _LOG.warning("%s: written before files had a checksum, and read as it is", path)
     return found
 
 

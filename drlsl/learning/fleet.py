@@ -124,6 +124,10 @@ class Fleet:
         self.safe = np.where(self._over[:, None], info["action_mask"].astype(np.bool_), self.safe)
         self._over = np.zeros_like(self._over)
 
+    def done(self) -> set[int]:
+        """The numbers of the episodes that are over."""
+        return set(range(1, self._begun + 1)) - set(self._numbers[self._counted].tolist())
+
     def rows(self) -> slice | NDArray[np.int64]:
         """The environments that are in an episode."""
         return slice(None) if self._counted.all() else np.flatnonzero(self._counted)

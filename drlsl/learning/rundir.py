@@ -1,12 +1,15 @@
 """The folder of a training run: its files, made whole and kept consistent."""
 
+import contextlib
 import csv
 import dataclasses
+import hashlib
+import io
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,10 +19,16 @@ from drlsl.config import TrainConfig, dump_yaml, load_config
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import write_atomic
 from drlsl.learning.episode import EpisodeSummary
+from drlsl.learning.lock import FolderLock
+from drlsl.learning.seal import DamagedError, check_text, open_values, seal_text, seal_values
 from drlsl.learning.trainer import EpisodeEvent
 
 CONFIG, METRICS, CHECKPOINT = "config.yaml", "metrics.csv", "checkpoint.pt"
 POLICY, EVALUATION, FIGURES = "policy.pt", "evaluation.json", "figures"
+LOCK, EVALUATION_LOCK = ".lock", ".evaluation.lock"
+
+LOCK_S = 10.0
+"""How long to wait for another process that writes an evaluation."""
 
 _COLUMN_OF = {"total_return": "return"}
 """Columns whose name is not that of the field behind them."""
@@ -32,6 +41,13 @@ METRIC_COLUMNS = [
     "loss",
     "wall_s",
 ]
+HEADER = ",".join(METRIC_COLUMNS) + "\n"
+
+TRAINING = "training"
+"""What the lock on a run folder is for."""
+
+START_AGAIN = "put back a copy of it, or start again with --force"
+"""What to do without the rows that a run goes on from."""
 
 
 class RunFolder:
@@ -49,31 +65,50 @@ class RunFolder:
             UserError: the folder exists and is not empty, or `force` would delete what no run has written.
         """
         _refuse_occupied(root, force)
+        with contextlib.ExitStack() as held:
+            if root.exists():
+                # Whoever trains there would go on, in a folder that is gone.
+                held.enter_context(FolderLock(root, LOCK, TRAINING))
+            cls._make(root, config)
+        return cls(root, config)
+
+    @staticmethod
+    def _make(root: Path, config: TrainConfig) -> None:
+        """Make the folder aside and put it in its place."""
         try:
             root.parent.mkdir(parents=True, exist_ok=True)
             made = Path(tempfile.mkdtemp(prefix=f".{root.name}.", dir=root.parent))
             try:
                 made.chmod(0o755)
-                write_atomic(made / CONFIG, dump_yaml(config).encode())
-                write_atomic(made / METRICS, (",".join(METRIC_COLUMNS) + "\n").encode())
+                write_atomic(made / CONFIG, seal_text(dump_yaml(config)).encode())
+                write_atomic(made / METRICS, HEADER.encode())
                 _put_in_place(made, root)
             except BaseException:
                 shutil.rmtree(made, ignore_errors=True)
                 raise
         except OSError as error:
             raise UserError(f"{root}: cannot make the run folder: {error.strerror or error}") from error
-        return cls(root, config)
 
     @classmethod
     def open(cls, root: Path) -> Self:
         """Open an existing run.
 
         Raises:
-            UserError: there is no run in the folder, or its configuration is not valid.
+            UserError: there is no run in the folder, or its configuration is not the one it began with.
         """
-        if not (root / CONFIG).is_file():
+        path = root / CONFIG
+        if not path.is_file():
             raise UserError(f"{root}: no run here (expected {CONFIG}); `drlsl train --out {root}` starts one")
-        return cls(root, load_config(root / CONFIG))
+        check_text(path, "put it back as it was; `drlsl train --config` trains with other settings")
+        return cls(root, load_config(path))
+
+    def lock(self) -> FolderLock:
+        """Keep others from training in this folder.
+
+        Raises:
+            UserError: another process does.
+        """
+        return FolderLock(self.root, LOCK, TRAINING)
 
     @property
     def checkpoint(self) -> Path:
@@ -105,40 +140,56 @@ class RunFolder:
         except OSError as error:
             raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
 
-    def sync_metrics(self) -> None:
-        """Force the rows to the disk, so that no checkpoint is ever ahead of them."""
+    def sync_metrics(self) -> str:
+        """Force the rows to the disk, so that no checkpoint is ever ahead of them; gives their SHA-256."""
         with (self.root / METRICS).open("rb+") as file:
             os.fsync(file.fileno())
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
-    def truncate_metrics(self, episodes: int) -> None:
-        """Keep the rows of the first `episodes` episodes: later ones were lost with the state behind them.
+    def keep_metrics(self, episodes: Collection[int], sha256: str | None = None) -> None:
+        """Keep one row of each of these episodes: others were lost with the state behind them.
+
+        What was written twice, or half, goes too. `sha256`: what `sync_metrics` gave when these were all.
 
         Raises:
-            UserError: the file is missing or holds fewer rows than that.
+            UserError: the file is missing or damaged, or lacks the row of an episode.
         """
         path = self.root / METRICS
         try:
-            lines = path.read_text("utf-8").splitlines(keepends=True)
+            lines = path.read_bytes().decode().splitlines(keepends=True)
         except OSError as error:
             raise UserError(f"{path}: cannot read the metrics: {error.strerror or error}") from error
-        kept = lines[: episodes + 1]
-        if len(kept) <= episodes or not kept[-1].endswith("\n"):
-            raise UserError(
-                f"{path}: fewer rows than the checkpoint's {episodes} episodes; --force starts again"
-            )
-        write_atomic(path, "".join(kept).encode())
+        except UnicodeDecodeError as error:
+            raise UserError(f"{path}: damaged: {error}; {START_AGAIN}") from error
+        if not lines or lines[0] != HEADER:
+            raise UserError(f"{path}: damaged: its first line names other columns; {START_AGAIN}")
+        rows: dict[int, str] = {}
+        for line in lines[1:]:
+            episode = _episode_of(line)
+            if episode is not None and episode in episodes and episode not in rows:
+                rows[episode] = line
+        missing = sorted(set(episodes) - set(rows))
+        if missing:
+            raise UserError(f"{path}: no row of the finished episode {missing[0]}; {START_AGAIN}")
+        kept = "".join([HEADER, *rows.values()]).encode()
+        if sha256 not in (None, hashlib.sha256(kept).hexdigest()):
+            raise UserError(f"{path}: damaged: not the rows that were there at the checkpoint; {START_AGAIN}")
+        write_atomic(path, kept)
 
-    def metrics(self) -> pd.DataFrame:
-        """The rows so far, one per episode.
+    def metrics(self, sha256: str | None = None) -> pd.DataFrame:
+        """The rows so far, one per episode; `sha256`, where given, is that of the file.
 
         Raises:
-            UserError: the file is missing, or is not the metrics of a run.
+            UserError: the file is missing, or is not the metrics of a run, or not those of that checksum.
         """
         path = self.root / METRICS
         try:
-            frame = pd.read_csv(path, keep_default_na=False, na_values={"loss": [""]})
+            content = path.read_bytes()
+            frame = pd.read_csv(io.BytesIO(content), keep_default_na=False, na_values={"loss": [""]})
         except (OSError, ValueError) as error:
             raise UserError(f"{path}: cannot read the metrics: {error}") from error
+        if sha256 not in (None, hashlib.sha256(content).hexdigest()):
+            raise UserError(f"{path}: damaged: not the rows that the training wrote; put back a copy of it")
         missing = [name for name in METRIC_COLUMNS if name not in frame.columns]
         if missing:
             raise UserError(f"{path}: expected the column{'s'[: len(missing) > 1]} {', '.join(missing)}")
@@ -148,28 +199,30 @@ class RunFolder:
         """Put evaluations into evaluation.json, each in place of an earlier one equal in all of `key`.
 
         Raises:
-            UserError: the file that is there is not one of ours.
+            UserError: the file that is there is not one of ours, or is damaged.
         """
         path = self.root / EVALUATION
         names = list(key)
         kept: dict[str, dict[str, Any]] = {}
-        for item in [*self.evaluations(), *evaluations]:
-            kept[json.dumps([item[name] for name in names], sort_keys=True)] = item
-        text = json.dumps({"evaluations": list(kept.values())}, indent=1, allow_nan=False)
-        write_atomic(path, f"{text}\n".encode())
+        with FolderLock(self.root, EVALUATION_LOCK, "evaluation", wait_s=LOCK_S):
+            for item in [*self.evaluations(), *evaluations]:
+                kept[json.dumps([item[name] for name in names], sort_keys=True)] = item
+            write_atomic(path, seal_values({"evaluations": list(kept.values())}).encode())
         return path
 
     def evaluations(self) -> list[dict[str, Any]]:
         """What evaluation.json holds; empty before the first evaluation.
 
         Raises:
-            UserError: the file is not one of ours.
+            UserError: the file is not one of ours, or is damaged.
         """
         path = self.root / EVALUATION
         if not path.exists():
             return []
         try:
-            found = json.loads(path.read_text("utf-8"))["evaluations"]
+            found = open_values(path.read_text("utf-8"))["evaluations"]
+        except DamagedError as error:
+            raise UserError(f"{path}: damaged: {error}; move it away and evaluate again") from error
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise UserError(f"{path}: not a run's evaluations; move it away and evaluate again") from error
         result: list[dict[str, Any]] = found
@@ -204,7 +257,7 @@ def _refuse_occupied(root: Path, force: bool) -> None:
 
 def _is_ours(name: str) -> bool:
     """Whether a run writes a file of this name, or had begun to when it was killed."""
-    known = (CONFIG, METRICS, CHECKPOINT, POLICY, EVALUATION, FIGURES)
+    known = (CONFIG, METRICS, CHECKPOINT, POLICY, EVALUATION, FIGURES, LOCK, EVALUATION_LOCK)
     return name in known or name.startswith(tuple(f".{item}." for item in known))
 
 
@@ -217,6 +270,13 @@ def _put_in_place(made: Path, root: Path) -> None:
     root.rename(aside)
     made.rename(root)
     shutil.rmtree(aside)
+
+
+def _episode_of(line: str) -> int | None:
+    """The number of the episode that a row of the metrics is of; None where it is no whole row."""
+    cells = line.split(",")
+    whole = line.endswith("\n") and len(cells) == len(METRIC_COLUMNS)
+    return int(cells[0]) if whole and cells[0].isdecimal() else None
 
 
 def _cell(value: object) -> object:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Self
 
 from gymnasium.vector import AutoresetMode
 
@@ -11,49 +12,77 @@ from drlsl.errors import UserError
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.figures import write_training_figures
 from drlsl.learning.fleet import VectorHighway
+from drlsl.learning.lock import FolderLock
 from drlsl.learning.network import Policy
 from drlsl.learning.rundir import RunFolder
 from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
 
 
 class Session:
-    """A trainer and the run folder that records it."""
+    """A trainer and the run folder that records it, in which nobody else trains until it is closed.
 
-    def __init__(self, folder: RunFolder, trainer: Trainer) -> None:
+    As a context manager it is closed at the end.
+    """
+
+    def __init__(self, folder: RunFolder, trainer: Trainer, lock: FolderLock) -> None:
         self.folder = folder
         self.trainer = trainer
+        self._lock = lock
         self.saved_steps = trainer.total_steps
         """The step after which the last checkpoint was written."""
 
     @classmethod
-    def start(cls, root: Path, config: TrainConfig, *, force: bool = False) -> "Session":
+    def start(cls, root: Path, config: TrainConfig, *, force: bool = False) -> Self:
         """Begin a new run; the folder is made only once the environment and the learner stand.
 
         Raises:
-            UserError: the environment cannot be made, or the folder is occupied.
+            UserError: the environment cannot be made, the folder is occupied, or somebody else trains there.
         """
         trainer = Trainer(make_training_env(config), config)
-        session = cls(RunFolder.create(root, config, force=force), trainer)
+        folder = RunFolder.create(root, config, force=force)
+        session = cls(folder, trainer, folder.lock())
         session.checkpoint()
         return session
 
     @classmethod
-    def resume(cls, root: Path) -> "Session":
+    def resume(cls, root: Path) -> Self:
         """Go on with a run from its last checkpoint; metrics rows after it are dropped, to be made again.
 
         Raises:
-            UserError: there is no run, or its files do not fit one another.
+            UserError: there is no run, another process is at work on it, or its files do not fit one another.
         """
         folder = RunFolder.open(root)
+        lock = folder.lock()
+        try:
+            return cls._resumed(folder, lock)
+        except BaseException:
+            lock.release()
+            raise
+
+    @classmethod
+    def _resumed(cls, folder: RunFolder, lock: FolderLock) -> Self:
         state = load_state(folder.checkpoint, "checkpoint")
         if make_config(state["config"], f"{folder.checkpoint}") != folder.config:
             raise UserError(
-                f"{root}: config.yaml was changed after the checkpoint; undo that, or use --force"
+                f"{folder.root}: config.yaml was changed after the checkpoint; undo that, or use --force"
             )
         trainer = Trainer(make_training_env(folder.config), folder.config)
         trainer.set_state(state["trainer"])
-        folder.truncate_metrics(trainer.finished)
-        return cls(folder, trainer)
+        folder.keep_metrics(trainer.done(), state.get("metrics"))
+        session = cls(folder, trainer, lock)
+        # A run that was killed between the two has the weights of the checkpoint before.
+        session._save_policy()
+        return session
+
+    def close(self) -> None:
+        """Let others go on with the run."""
+        self._lock.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> Iterator[StepEvent]:
         """Train on, recording each episode; once `stop` holds, the run ends with the step in hand.
@@ -73,13 +102,20 @@ class Session:
 
     def checkpoint(self) -> None:
         """Write the whole state of the learner, then the weights by themselves."""
-        self.folder.sync_metrics()
-        config = self.folder.config.model_dump(mode="json")
         trainer = self.trainer
-        save_state(self.folder.checkpoint, "checkpoint", {"config": config, "trainer": trainer.get_state()})
-        network = trainer.agent.network.get_state()
-        save_state(self.folder.policy, "policy", {"episodes": trainer.finished, "network": network})
+        state = {
+            "config": self.folder.config.model_dump(mode="json"),
+            "metrics": self.folder.sync_metrics(),
+            "trainer": trainer.get_state(),
+        }
+        save_state(self.folder.checkpoint, "checkpoint", state)
+        self._save_policy()
         self.saved_steps = trainer.total_steps
+
+    def _save_policy(self) -> None:
+        trainer = self.trainer
+        state = {"episodes": trainer.finished, "network": trainer.agent.network.get_state()}
+        save_state(self.folder.policy, "policy", state)
 
     def draw_figures(self) -> list[Path]:
         """Write the training figures of the episodes so far."""

@@ -64,6 +64,10 @@ class Trainer:
         """Episodes that are over."""
         return self._fleet.finished
 
+    def done(self) -> set[int]:
+        """The numbers of the episodes that are over."""
+        return self._fleet.done()
+
     def run(self) -> Iterator[StepEvent]:
         """Train until the configured number of episodes is done; between two events the state is whole.
 

@@ -1,22 +1,23 @@
 """The folder of a study: what is done is what lies in it, so that going on is to look what is missing."""
 
-import contextlib
 import hashlib
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
-import filelock
-
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import write_atomic
+from drlsl.learning.lock import FolderLock
 from drlsl.learning.rundir import METRICS, RunFolder
+from drlsl.learning.seal import check_text, open_values, seal_text, seal_values
 from drlsl.study.plan import Run, StudyConfig, Task, dump_study, load_study
 
 STUDY, INPUTS = "study.yaml", "inputs.json"
 RUNS, EVALUATIONS, FAILURES, LOGS, REPORT = "runs", "evaluations", "failures", "logs", "report"
+LOCK = Path(LOGS) / "study.lock"
+"""What the command at work on the study holds."""
+
 DONE = "trained.json"
 """The last file that a training writes into its run folder."""
 
@@ -51,15 +52,10 @@ class StudyFolder:
         """
         if (root / STUDY).is_file():
             inputs = _inputs_to_go_on_with(root, study, inputs)
-        elif root.exists() and (not root.is_dir() or any(root.iterdir())):
-            raise UserError(f"{root}: not empty, and no study in it; choose another --out")
-        try:
-            for name in (RUNS, EVALUATIONS, FAILURES, LOGS):
-                (root / name).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UserError(f"{root}: cannot make the study's folder: {error.strerror or error}") from error
+        _refuse_foreign(root)
+        _make_folders(root)
         _write_json(root / INPUTS, inputs)
-        write_atomic(root / STUDY, dump_study(study).encode())
+        write_atomic(root / STUDY, seal_text(dump_study(study)).encode())
         return cls(root, study)
 
     @classmethod
@@ -67,34 +63,39 @@ class StudyFolder:
         """The study in a folder.
 
         Raises:
-            UserError: there is none, or its configuration is not valid.
+            UserError: there is none, or its configuration is not as it was written.
         """
-        if not (root / STUDY).is_file():
+        path = root / STUDY
+        if not path.is_file():
             raise UserError(
                 f"{root}: no study here (expected {STUDY}); `drlsl study --out {root}` starts one"
             )
-        return cls(root, load_study(root / STUDY))
+        check_text(path, "put it back as it was; `drlsl study --config` begins a study with other settings")
+        return cls(root, load_study(path))
 
-    @contextlib.contextmanager
-    def locked(self, name: str = "study", *, wait_s: float = 0.0) -> Iterator[None]:
-        """Hold a lock that ends with the process, however it ends.
+    @classmethod
+    def at_work(cls, root: Path) -> FolderLock:
+        """Keep other commands from working on a study in this folder, which need not be there yet.
+
+        Raises:
+            UserError: another command is at work there, or something else is in the folder.
+        """
+        _refuse_foreign(root)
+        _make_folders(root)
+        return FolderLock(root, str(LOCK), "study")
+
+    def locked(self, name: str, *, wait_s: float = 0.0) -> FolderLock:
+        """A lock on a part of the study.
 
         Raises:
             UserError: another process holds it, and still does after `wait_s`.
         """
-        lock = filelock.FileLock(self.root / LOGS / f"{name}.lock")
-        try:
-            with lock.acquire(timeout=wait_s):
-                yield
-        except filelock.Timeout:
-            raise UserError(
-                f"{self.root}: another process is at work here ({name}); wait for it, or stop it"
-            ) from None
+        return FolderLock(self.root, f"{LOGS}/{name}.lock", name, wait_s=wait_s)
 
     @property
     def inputs(self) -> dict[str, Any]:
         """What the results depend on beside the settings."""
-        return _read_json(self.root / INPUTS)
+        return _read_json(self.root / INPUTS, "put back a copy of it, or choose another --out")
 
     @property
     def report(self) -> Path:
@@ -153,7 +154,8 @@ class StudyFolder:
         """The attempts at a task that failed, in order."""
         found: list[Failure] = []
         while (path := self.root / FAILURES / f"{task.name}.{len(found) + 1}.json").is_file():
-            found.append(Failure(**_read_json(path)))
+            values = _read_json(path)
+            found.append(Failure(values["summary"], values["log"]))
         return found
 
     def is_given_up(self, task: Task) -> bool:
@@ -194,13 +196,40 @@ def _inputs_to_go_on_with(root: Path, study: StudyConfig, inputs: Mapping[str, A
     return known if study == before.study else inputs
 
 
-def _write_json(path: Path, values: Mapping[str, Any]) -> None:
-    write_atomic(path, f"{json.dumps(values, indent=1, allow_nan=False)}\n".encode())
+def _refuse_foreign(root: Path) -> None:
+    """Leave alone a folder in which there is something else than a study, or the beginnings of one.
+
+    Raises:
+        UserError: it is such a folder.
+    """
+    if not root.exists() or (root / STUDY).is_file():
+        return
+    if not root.is_dir() or not all(_is_beginning(path.relative_to(root)) for path in root.rglob("*")):
+        raise UserError(f"{root}: not empty, and no study in it; choose another --out")
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def _is_beginning(path: Path) -> bool:
+    """Whether a command that was killed before it wrote `STUDY` may have left this."""
+    name = str(path)
+    return name in (RUNS, EVALUATIONS, FAILURES, LOGS, INPUTS, str(LOCK)) or name.startswith(
+        (f".{INPUTS}.", f".{STUDY}.")
+    )
+
+
+def _make_folders(root: Path) -> None:
     try:
-        values: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        for name in (RUNS, EVALUATIONS, FAILURES, LOGS):
+            (root / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"{root}: cannot make the study's folder: {error.strerror or error}") from error
+
+
+def _write_json(path: Path, values: Mapping[str, Any]) -> None:
+    write_atomic(path, seal_values(values).encode())
+
+
+def _read_json(path: Path, advice: str = "delete it to have it made again") -> dict[str, Any]:
+    try:
+        return open_values(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read ({error}); delete it to have it made again") from error
-    return values
+        raise UserError(f"{path}: cannot be read ({error}); {advice}") from error

@@ -49,7 +49,7 @@ def collect(folder: StudyFolder) -> Results:
     """
     done = [task for task in folder.study.tasks if folder.is_done(task)]
     made = {task: folder.result(task) for task in done}
-    trainings = [_training(folder, task) for task in done if task.test is None]
+    trainings = [_training(folder, task, made[task]) for task in done if task.test is None]
     rows = [row for task in done if task.test is not None for row in _test(task, made[task])]
     tests = [row for row in rows if row["test"] in folder.study.tests]
     sweeps = [row for row in rows if row["test"] in folder.study.sweeps]
@@ -72,8 +72,8 @@ def collect(folder: StudyFolder) -> Results:
     )
 
 
-def _training(folder: StudyFolder, task: Task) -> pd.DataFrame:
-    frame = folder.run(task.run).metrics().sort_values("episode", ignore_index=True)
+def _training(folder: StudyFolder, task: Task, result: dict[str, Any]) -> pd.DataFrame:
+    frame = folder.run(task.run).metrics(result.get("metrics")).sort_values("episode", ignore_index=True)
     # Episodes of several environments pass at the same time.
     frame["wall_s"] /= folder.study.training(task.run).num_envs
     return frame.assign(method=task.run.method, seed=task.run.seed)[TRAINING_COLUMNS]

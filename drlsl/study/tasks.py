@@ -69,11 +69,12 @@ def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
     else:
         # Killed before its first checkpoint, a run has nothing to go on from.
         session = Session.start(root, config, force=root.exists())
-    for _ in session.run(stop):
-        pass
-    if session.trainer.finished == config.episodes:
-        session.draw_figures()
-        folder.finish(task, _maker())
+    with session:
+        for _ in session.run(stop):
+            pass
+        if session.trainer.finished == config.episodes:
+            session.draw_figures()
+            folder.finish(task, {**_maker(), "metrics": session.folder.sync_metrics()})
 
 
 def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:

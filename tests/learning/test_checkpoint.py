@@ -17,7 +17,7 @@ def test_a_state_comes_back(tmp_path: Path) -> None:
     save_state(tmp_path / "state.pt", "checkpoint", state)
     found = load_state(tmp_path / "state.pt", "checkpoint")
     assert torch.equal(found.pop("weights"), torch.arange(4.0))
-    assert found == {"count": 2**70, "name": "x", "nested": {"none": None}, "format": 2, "kind": "checkpoint"}
+    assert found == {"count": 2**70, "name": "x", "nested": {"none": None}, "format": 3, "kind": "checkpoint"}
     assert os.listdir(tmp_path) == ["state.pt"]
 
 

@@ -47,6 +47,8 @@ def test_train_then_eval(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         "policy.pt",
         "evaluation.json",
         "figures",
+        ".lock",
+        ".evaluation.lock",
     }
     assert len(list((tmp_path / "run" / "figures").glob("*.png"))) == 5
     assert run(["eval", "run", "--episodes", "3", "--json"]) == 0
@@ -175,10 +177,11 @@ def test_eval_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert list(tmp_path.iterdir()) == []
 
 
-def started(tmp_path: Path, name: str, *more: str) -> subprocess.Popen[str]:
-    """A slow training in a process of its own, once it has finished three episodes."""
+def started(tmp_path: Path, name: str, *more: str, resume: bool = False) -> subprocess.Popen[str]:
+    """A slow training in a process of its own, once it has finished three episodes, or just gone on."""
     metrics = tmp_path / name / "metrics.csv"
-    command = [sys.executable, "-m", "tests.learning.fake_cli", "train", *TINY, *more]
+    settings = ["--resume"] if resume else [*TINY, *more]
+    command = [sys.executable, "-m", "tests.learning.fake_cli", "train", *settings]
     process = subprocess.Popen(
         [*command, "--out", str(tmp_path / name)],
         cwd=ROOT,
@@ -188,7 +191,7 @@ def started(tmp_path: Path, name: str, *more: str) -> subprocess.Popen[str]:
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )
     deadline = time.monotonic() + 60
-    while not metrics.exists() or len(metrics.read_text().splitlines()) < 4:
+    while not resume and (not metrics.exists() or len(metrics.read_text().splitlines()) < 4):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -211,6 +214,25 @@ def test_a_stopped_process_resumes_bit_for_bit(number: signal.Signals, num_envs:
         stored = load_state(tmp_path / "run" / "checkpoint.pt", "checkpoint")
         assert f"saved at step {stored['trainer']['total_steps']};" in last
     assert run(["train", "--resume", "--out", "run"]) == 0
+    assert run(["train", *TINY, *settings, "--out", "whole"]) == 0
+    assert_same_outcome(tmp_path / "whole", tmp_path / "run")
+
+
+def test_a_run_has_one_process_at_a_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["--episodes", "20"]
+    process = started(tmp_path, "run", *settings)
+    for command in (["train", "--resume", "--out", "run"], ["train", *TINY, "--out", "run", "--force"]):
+        told = refused(capsys, *command)
+        assert f"run: process {process.pid} on " in told
+        assert "is at work here (training); wait for it, or stop it" in told
+    assert run(["eval", "run", "--episodes", "2"]) == 0
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+    resumed = [started(tmp_path, "run", resume=True) for _ in range(2)]
+    ended = [(one.communicate(timeout=60)[1], one.returncode) for one in resumed]
+    # Both are welcome, if the one is done before the other looks.
+    assert sorted(status for _, status in ended) in ([0, 2], [0, 0])
+    assert ["is at work here (training)" in told for told, _ in ended] == [status == 2 for _, status in ended]
     assert run(["train", *TINY, *settings, "--out", "whole"]) == 0
     assert_same_outcome(tmp_path / "whole", tmp_path / "run")
 

@@ -43,6 +43,7 @@ def test_a_stopped_training_resumes_bit_for_bit(tmp_path: Path, num_envs: str) -
     session = Session.start(tmp_path / "stopped", RunFolder.open(tmp_path / "whole").config)
     for _ in session.run(lambda: session.trainer.total_steps >= 90):
         pass
+    session.close()
     for _ in Session.resume(tmp_path / "stopped").run():
         pass
     assert_same_outcome(tmp_path / "whole", tmp_path / "stopped")

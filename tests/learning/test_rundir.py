@@ -73,6 +73,7 @@ def test_force_replaces_a_run(folder: RunFolder, tiny_config: TrainConfig) -> No
     folder.append_metrics(event(1))
     folder.checkpoint.write_bytes(b"old")
     (folder.root / ".checkpoint.pt.x1y2").write_bytes(b"left by a killed process")
+    folder.lock().release()
     RunFolder.create(folder.root, tiny_config, force=True)
     assert names(folder.root) == {"config.yaml", "metrics.csv"}
     assert folder.metrics().empty
@@ -130,21 +131,53 @@ def test_rows_after_the_checkpoint_are_dropped(folder: RunFolder) -> None:
         folder.append_metrics(event(episode))
     with (folder.root / "metrics.csv").open("a") as file:
         file.write("4,40,1")
-    folder.truncate_metrics(2)
+    folder.keep_metrics({1, 2})
     assert folder.metrics()["episode"].tolist() == [1, 2]
     folder.append_metrics(event(3))
     assert folder.metrics()["episode"].tolist() == [1, 2, 3]
-    folder.truncate_metrics(0)
+    folder.keep_metrics(())
     assert folder.metrics().empty
+
+
+def test_rows_are_told_by_their_episode_not_counted(folder: RunFolder) -> None:
+    path = folder.root / "metrics.csv"
+    for episode in (2, 1, 4):
+        folder.append_metrics(event(episode))
+    whole = folder.sync_metrics()
+    expected = path.read_bytes()
+    header, *rows = path.read_text().splitlines(keepends=True)
+    for episode in (5, 2, 3, 4, 1):
+        folder.append_metrics(event(episode, loss=0.7))
+    mixed = path.read_text().splitlines(keepends=True)[4:]
+    # Two that went on at once, each with rows of its own, one of them half written.
+    path.write_text("".join([header, "4,40,1\n", mixed[0], *rows, *mixed[1:], "6,6"]))
+    folder.keep_metrics({1, 2, 4}, whole)
+    assert path.read_bytes() == expected
+
+
+@pytest.mark.parametrize(
+    "change", [("0.1,", "0.3,"), ("struck", "strucj"), ("\n1,", "\n1 ,"), ("loss", "lost")]
+)
+def test_damaged_rows_are_an_error(folder: RunFolder, change: tuple[str, str]) -> None:
+    folder.append_metrics(event(1))
+    whole = folder.sync_metrics()
+    path = folder.root / "metrics.csv"
+    text = path.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change))
+    before = path.read_bytes()
+    with pytest.raises(UserError, match=r"metrics\.csv: (damaged|no row of the finished episode 1)"):
+        folder.keep_metrics({1}, whole)
+    assert path.read_bytes() == before
 
 
 def test_missing_rows_are_an_error(folder: RunFolder) -> None:
     folder.append_metrics(event(1))
-    with pytest.raises(UserError, match="fewer rows"):
-        folder.truncate_metrics(2)
+    with pytest.raises(UserError, match="no row of the finished episode 2"):
+        folder.keep_metrics({1, 2})
     (folder.root / "metrics.csv").unlink()
     with pytest.raises(UserError, match="cannot read the metrics"):
-        folder.truncate_metrics(0)
+        folder.keep_metrics(())
 
 
 def test_metrics_of_something_else_are_an_error(folder: RunFolder) -> None:

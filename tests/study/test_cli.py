@@ -92,7 +92,9 @@ def test_two_at_once_in_one_folder(tmp_path: Path) -> None:
     out = tmp_path / "study"
     first = begin(out, 0.05)
     until(lambda: trained_rows(out) > 0)
-    assert "another process is at work here" in finish(begin(out), 2)
+    told = finish(begin(out), 2)
+    assert f"process {first.pid} on" in told
+    assert "is at work here (study); wait for it, or stop it" in told
     os.killpg(first.pid, signal.SIGKILL)
     first.wait()
 

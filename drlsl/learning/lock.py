@@ -1,0 +1,57 @@
+"""Locks on folders: one process at a time, and others are told which."""
+
+import os
+import platform
+from contextlib import suppress
+from pathlib import Path
+from typing import Self
+
+import filelock
+
+from drlsl.errors import UserError
+
+
+class FolderLock:
+    """A lock that ends with the process, however it ends; the file that stays behind locks nobody out.
+
+    The file says who holds it. As a context manager it is released at the end.
+    """
+
+    def __init__(self, folder: Path, file: str, what: str, *, wait_s: float = 0.0) -> None:
+        """Take the lock that `file` in `folder` stands for; `what` says in messages what it is for.
+
+        Raises:
+            UserError: somebody else holds it, and still does after `wait_s`, or the file cannot be made.
+        """
+        path = folder / file
+        self._lock = filelock.FileLock(path)
+        try:
+            self._lock.acquire(timeout=wait_s)
+        except filelock.Timeout:
+            raise UserError(
+                f"{folder}: {_holder(path)} is at work here ({what}); wait for it, or stop it"
+            ) from None
+        except OSError as error:
+            raise UserError(f"{path}: cannot lock: {error.strerror or error}") from error
+        # Where a locked file cannot be written to, as on Windows, others are not told who holds it.
+        with suppress(OSError):
+            path.write_text(f"process {os.getpid()} on {platform.node()}\n", "utf-8")
+
+    def release(self) -> None:
+        """Let others have it; once is enough."""
+        self._lock.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.release()
+
+
+def _holder(path: Path) -> str:
+    """Who holds a lock, as far as its file tells."""
+    try:
+        told = path.read_text("utf-8", errors="replace").strip()
+    except OSError:
+        told = ""
+    return told if told.isprintable() and told else "another process"

@@ -1,0 +1,112 @@
+"""Checksums that files carry of their own content, so that a damaged one is never taken for what was saved.
+
+A file without a checksum is one of before there were any, or one that somebody wrote by hand: it is read as
+it is. SHA-256 is against accidents, not against people, who can compute it too.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from drlsl.errors import UserError
+
+_MARK: Final = b"DRLSL SHA-256 "
+_LENGTH: Final = len(_MARK) + 64
+"""Bytes of the comment that closes an archive."""
+
+_LINE: Final = "# SHA-256 of the lines above, "
+_KEY: Final = "sha256"
+
+
+class DamagedError(ValueError):
+    """The content is not the one that its checksum was made of."""
+
+    def __init__(self) -> None:
+        super().__init__("the checksum does not fit the content")
+
+
+def seal_archive(content: bytes) -> bytes:
+    """A ZIP archive without a comment, such as `torch.save` writes, with its checksum as the comment."""
+    if not content.endswith(b"\0\0"):
+        raise ValueError("expected a ZIP archive without a comment")
+    return content[:-2] + _LENGTH.to_bytes(2, "little") + _MARK + _digest(content)
+
+
+def open_archive(content: bytes) -> bool:
+    """Whether the archive has a checksum; every bit of it is then covered.
+
+    Raises:
+        DamagedError: the checksum does not fit.
+    """
+    comment = content[-_LENGTH:]
+    if not comment.startswith(_MARK):
+        return False
+    archive, length = content[: -_LENGTH - 2], content[-_LENGTH - 2 : -_LENGTH]
+    if length != _LENGTH.to_bytes(2, "little") or comment != _MARK + _digest(archive + b"\0\0"):
+        raise DamagedError
+    return True
+
+
+def seal_text(text: str) -> str:
+    """Lines of text, such as YAML, with a last one that holds their checksum in a comment."""
+    return f"{text}{_LINE}{_digest(text.encode()).decode()}\n"
+
+
+def open_text(text: str) -> str:
+    """The lines that were sealed, or all of them where there is no checksum.
+
+    Raises:
+        DamagedError: the checksum does not fit.
+    """
+    lines, mark, found = text.rpartition(_LINE)
+    if not mark:
+        return text
+    if found != f"{_digest(lines.encode()).decode()}\n":
+        raise DamagedError
+    return lines
+
+
+def check_text(path: Path, advice: str) -> None:
+    """Refuse a file of sealed text that is not as it was written; `advice` says what to do then.
+
+    Raises:
+        UserError: the checksum does not fit, or the file cannot be read.
+    """
+    try:
+        open_text(path.read_bytes().decode())
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise UserError(f"{path}: damaged, or changed by hand ({error}); {advice}") from error
+
+
+def seal_values(values: Mapping[str, Any]) -> str:
+    """JSON of plain values, with their checksum beside them."""
+    return json.dumps({**values, _KEY: _digest_of(values)}, indent=1, allow_nan=False) + "\n"
+
+
+def open_values(text: str) -> dict[str, Any]:
+    """The values that were sealed, or all of them where there is no checksum.
+
+    Raises:
+        DamagedError: the checksum does not fit.
+        ValueError: this is not JSON, or not an object.
+    """
+    values = json.loads(text)
+    if not isinstance(values, dict):
+        raise ValueError("expected a JSON object")
+    if _KEY in values and values.pop(_KEY) != _digest_of(values):
+        raise DamagedError
+    return values
+
+
+def _digest_of(values: Mapping[str, Any]) -> str:
+    """The checksum of values as JSON has them, however they are laid out and ordered."""
+    plain = json.loads(json.dumps(values, allow_nan=False))
+    return _digest(json.dumps(plain, sort_keys=True).encode()).decode()
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest().encode()
