@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -63,7 +64,7 @@ class Decision:
 
 
 class Shield:
-    """A rule program and the engine that runs it."""
+    """A rule program and the engine that runs it; threads may share one, and take turns."""
 
     def __init__(self, engine: Engine, *, tier: str = "interpreter") -> None:
         """Check the program that `engine` has consulted.
@@ -77,6 +78,8 @@ class Shield:
                 f"the rule program does not define {', '.join(missing)}; rules/highway.pl shows what is asked"
             )
         self.engine = engine
+        self.lock = threading.RLock()
+        """Held for every question; who tells facts and asks the engine itself has to hold it meanwhile."""
         self.gives_lane = engine.defines("lane_to_keep", 1)
         self._road: Road | None = None
         self._safe_actions = engine.prepare("safe_actions(Action)")
@@ -118,19 +121,20 @@ class Shield:
             RuleFailure: the rules gave no usable answer.
             UserError: the rules offer an action that the agent does not know.
         """
-        self.state_facts(scene)
-        try:
-            return self.checked(
-                actions=[solution["Action"] for solution in self._safe_actions.solutions(LIMITS)],
-                speed=_value(self._velocity.once(LIMITS), "Speed"),
-                observation=_value(self._state.once(LIMITS), "Observation"),
-                front_is_free=self._front_is_free.once(LIMITS) is not None,
-                lane=_value(self._lane_to_keep.once(LIMITS), "Lane")
-                if self.gives_lane
-                else scene.target_lane,
-            )
-        except (PrologError, LimitExceeded) as error:
-            raise RuleFailure(f"the rules raised an error: {error}") from error
+        with self.lock:
+            self.state_facts(scene)
+            try:
+                return self.checked(
+                    actions=[solution["Action"] for solution in self._safe_actions.solutions(LIMITS)],
+                    speed=_value(self._velocity.once(LIMITS), "Speed"),
+                    observation=_value(self._state.once(LIMITS), "Observation"),
+                    front_is_free=self._front_is_free.once(LIMITS) is not None,
+                    lane=_value(self._lane_to_keep.once(LIMITS), "Lane")
+                    if self.gives_lane
+                    else scene.target_lane,
+                )
+            except (PrologError, LimitExceeded) as error:
+                raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def entry_is_safe(self, scene: Scene) -> bool:
         """Whether the ego may be placed where `scene` has it.
@@ -138,24 +142,28 @@ class Shield:
         Raises:
             RuleFailure: the rules raised an error.
         """
-        self.state_facts(scene)
-        try:
-            return self._entry_is_safe.once(LIMITS) is not None
-        except (PrologError, LimitExceeded) as error:
-            raise RuleFailure(f"the rules raised an error: {error}") from error
+        with self.lock:
+            self.state_facts(scene)
+            try:
+                return self._entry_is_safe.once(LIMITS) is not None
+            except (PrologError, LimitExceeded) as error:
+                raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def decide_batch(self, scenes: SceneBatch) -> Decisions:
         """What is safe in each of N scenes; one without a usable answer gets the fail-safe, and is marked."""
-        return self._array_tier().decide(scenes)
+        with self.lock:
+            return self._array_tier().decide(scenes)
 
     def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
         """Whether the ego may be placed where each scene has it; False where there is no usable answer."""
-        return self._array_tier().entries_are_safe(scenes)
+        with self.lock:
+            return self._array_tier().entries_are_safe(scenes)
 
     @property
     def tier(self) -> str:
         """What runs the rules for a batch: interpreter, scalar, numpy, numba or torch."""
-        return self._array_tier().name
+        with self.lock:
+            return self._array_tier().name
 
     def _array_tier(self) -> ArrayTier:
         if self._arrays is None:
@@ -167,6 +175,8 @@ class Shield:
 
     def state_facts(self, scene: Scene) -> None:
         """Tell the engine about `scene`: its facts replace those of the scene before.
+
+        Where threads share the shield, hold `lock` until the engine has been asked.
 
         Raises:
             RuleFailure: a number is NaN.

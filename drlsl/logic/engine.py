@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -31,7 +32,7 @@ from drlsl.logic.writer import format_term
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Engine", "Query"]
+__all__ = ["Engine", "EngineBusyError", "Query"]
 
 Goal: TypeAlias = "str | Compound | Atom | Struct"
 _UNLIMITED = Limits()
@@ -61,8 +62,34 @@ class UnknownProcedure(ExistenceError):
         return super().message() + hint
 
 
+class EngineBusyError(RuntimeError):
+    """An engine was asked by a second thread while it was at work."""
+
+    def __init__(self) -> None:
+        super().__init__("the engine is at work in another thread; give each thread an engine of its own")
+
+
+class OneThread:
+    """A context manager that one thread can hold, any number of times, and others are refused."""
+
+    __slots__ = ("_lock",)
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+
+    def __enter__(self) -> None:
+        if not self._lock.acquire(blocking=False):
+            raise EngineBusyError
+
+    def __exit__(self, *exception: object) -> None:
+        self._lock.release()
+
+
 class Engine:
     """A Prolog engine of its own: clauses, operators, flags and global variables are shared with no other.
+
+    It serves one thread at a time, whichever that is: a call that finds another thread inside raises
+    `EngineBusyError`.
 
     Args:
         compiled: run predicates that are called often as generated Python code; the answers are the same.
@@ -89,6 +116,8 @@ class Engine:
         self.output: TextIO = sys.stdout if output is None else output
         self.warnings: list[LoadWarning] = []
         self.loaded: set[Path] = set()
+        self.alone = OneThread()
+        """Keeps other threads out while it is held, for several calls that belong together."""
 
     # ------------------------------------------------------------------ loading
 
@@ -115,6 +144,12 @@ class Engine:
     def _load(
         self, text: str, name: str, folder: Path | None, path: Path | None, search: Sequence[Path] = ()
     ) -> None:
+        with self.alone:
+            self._load_inside(text, name, folder, path, search)
+
+    def _load_inside(
+        self, text: str, name: str, folder: Path | None, path: Path | None, search: Sequence[Path]
+    ) -> None:
         before = self.program.snapshot()
         operators, flags, warned = self.operators.copy(), self.flags.copy(), len(self.warnings)
         loaded = set(self.loaded)
@@ -134,10 +169,11 @@ class Engine:
         """Prove a goal once, keeping no bindings; True if that succeeds."""
         machine = Machine(self, _UNLIMITED)
         machine.output = output or self.output
-        try:
-            return machine.solve((_prove, goal, FOUND))
-        finally:
-            machine.close()
+        with self.alone:
+            try:
+                return machine.solve((_prove, goal, FOUND))
+            finally:
+                machine.close()
 
     def replace_facts(self, name: str, arity: int, rows: Iterable[Sequence[str | float]]) -> None:
         """Take these rows as the facts of a predicate, in place of all its clauses; it becomes dynamic.
@@ -148,7 +184,9 @@ class Engine:
             TypeError: A value is of another type (a bool, None …).
             ValueError: A row has another length.
         """
-        self.program.replace_facts(name, arity, [to_row(row, name, arity) for row in rows])
+        ready = [to_row(row, name, arity) for row in rows]
+        with self.alone:
+            self.program.replace_facts(name, arity, ready)
 
     # ------------------------------------------------------------------ asking
 
@@ -202,7 +240,8 @@ class Engine:
         else:
             term = to_term(goal)
             variables = {variable.name: variable for variable in term_variables(term)}
-        return explain(self, term, variables, limits=limits or _UNLIMITED, max_depth=max_depth)
+        with self.alone:
+            return explain(self, term, variables, limits=limits or _UNLIMITED, max_depth=max_depth)
 
     def format(self, value: Value) -> str:
         """The text of a solution's value, with the engine's operators; it reads back as the same term."""
@@ -250,31 +289,36 @@ class Query:
     def solutions(self, limits: Limits | None = None) -> Iterator[Solution]:
         """The solutions, one by one."""
         machine, args = self._start(limits)
+        alone = self._engine.alone
         try:
-            found = machine.solve(self._task(machine, args))
+            with alone:
+                found = machine.solve(self._task(machine, args))
             while found:
                 yield self._solution(args)
-                found = machine.retry()
+                with alone:
+                    found = machine.retry()
         finally:
             machine.close()
 
     def once(self, limits: Limits | None = None) -> Solution | None:
         """The first solution, or None."""
         machine, args = self._start(limits)
-        try:
-            if machine.solve(self._task(machine, args)):
-                return self._solution(args)
-            return None
-        finally:
-            machine.close()
+        with self._engine.alone:
+            try:
+                if machine.solve(self._task(machine, args)):
+                    return self._solution(args)
+                return None
+            finally:
+                machine.close()
 
     def holds(self, limits: Limits | None = None) -> bool:
         """Whether there is a solution."""
         machine, args = self._start(limits)
-        try:
-            return machine.solve(self._task(machine, args))
-        finally:
-            machine.close()
+        with self._engine.alone:
+            try:
+                return machine.solve(self._task(machine, args))
+            finally:
+                machine.close()
 
     def _start(self, limits: Limits | None) -> tuple[Machine, list[Var]]:
         return Machine(self._engine, limits or _UNLIMITED), [Var(name) for name in self._names]
