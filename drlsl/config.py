@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 
 from drlsl.driving.config import EnvConfig
 from drlsl.errors import UserError
+from drlsl.plain_text import read_text
 
 Method = Literal["dqn", "mpsdqn", "dqnsl"]
 Bootstrap = Literal["all", "safe"]
@@ -228,12 +229,7 @@ def read_yaml(path: Path) -> tuple[dict[str, Any], dict[str, Position]]:
     Raises:
         UserError: the file cannot be read or is not a YAML mapping.
     """
-    try:
-        text = path.read_text("utf-8")
-    except OSError as error:
-        raise UserError(f"{path}: cannot read the configuration: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text at byte {error.start}") from error
+    text = read_text(path, "the configuration")
     return parse_yaml(text, str(path))
 
 

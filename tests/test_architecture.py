@@ -11,7 +11,19 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "drlsl"
-ORDER = ["errors", "logic", "traffic", "driving", "assurance", "config", "learning", "study", "verify", "cli"]
+ORDER = [
+    "errors",
+    "logic",
+    "plain_text",
+    "traffic",
+    "driving",
+    "assurance",
+    "config",
+    "learning",
+    "study",
+    "verify",
+    "cli",
+]
 ALLOWED_IN_LOGIC = {"llvmlite", "numba", "numpy", "torch"}
 TORCH_BACK_END = {"torch_backend.py", "torch_ops.py"}
 

@@ -179,12 +179,12 @@ def test_a_file_that_is_not_a_yaml_mapping(text: str, message: str, tmp_path: Pa
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="cannot read the configuration: No such file"):
+    with pytest.raises(UserError, match=r"cannot read the configuration .*: No such file"):
         load_config(tmp_path / "none.yaml")
-    with pytest.raises(UserError, match="cannot read the configuration: Is a directory"):
+    with pytest.raises(UserError, match=r"cannot read the configuration .*: Is a directory"):
         load_config(tmp_path)
     (tmp_path / "latin.yaml").write_bytes(b"recording: M\xfcnchen")
-    with pytest.raises(UserError, match="not UTF-8 text at byte 12"):
+    with pytest.raises(UserError, match=r"not UTF-8 text \(byte 12\)"):
         load_config(tmp_path / "latin.yaml")
 
 

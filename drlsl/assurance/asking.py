@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
 from drlsl.assurance.checks import Case, Question, Solutions
-from drlsl.driving.lowered import SCHEMA
-from drlsl.driving.scene import Facts, Road, Scene, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Facts, Road, Scene, road_facts, scene_facts
 from drlsl.driving.shield import LIMITS, RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError

@@ -11,6 +11,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from drlsl.errors import UserError
+from drlsl.plain_text import read_text
 
 Model = TypeVar("Model", bound=BaseModel)
 Location = Sequence[int | str]
@@ -71,12 +72,7 @@ def read_yaml(path: Path) -> YamlFile:
     Raises:
         UserError: the file cannot be read, is not YAML, holds a key twice, or is not a mapping.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text (byte {error.start})") from error
+    text = read_text(path)
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
         values = yaml.safe_load(text)

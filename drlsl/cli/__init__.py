@@ -13,6 +13,7 @@ import typer
 from drlsl.cli import bench, data, evaluate, query, rules, stress, study, train
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
+from drlsl.plain_text import printable
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them is slow
 
@@ -64,5 +65,5 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse(message: str) -> int:
-    print(f"drlsl: {message}", file=sys.stderr)
+    print(f"drlsl: {printable(message)}", file=sys.stderr)
     return 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drlsl.cli.failures import failures_as_errors
+from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.driving.reasons import BusySection, Objection
@@ -120,8 +120,8 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
     with failures_as_errors(what=f" on {goal}"):
         solutions = list(shield.engine.query(goal, limits=LIMITS))
     if as_json:
-        rows = [{name: _plain(value) for name, value in solution.items()} for solution in solutions]
-        print(json.dumps({"goal": goal, "solutions": rows}, indent=2))
+        rows = [dict(solution) for solution in solutions]
+        print(to_json({"goal": goal, "solutions": rows}))
     elif not solutions:
         print("false.")
     for solution in solutions if not as_json else ():
@@ -160,7 +160,7 @@ def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
             "decided_by": None if reason is None else reason.as_json(),
             **speed.to_dict(),
         }
-        print(json.dumps(data, indent=2))
+        print(to_json(data))
         return
     for action, proof in proofs.items():
         print(f"{action.atom} is {_offered(proof.holds, against.get(action, ()))}\n{proof.text()}\n")
@@ -176,13 +176,6 @@ def _offered(holds: bool, against: Sequence[Objection]) -> str:
     return "not offered: " + ("; ".join(one.words() for one in against) or "not derived by the rules")
 
 
-def _plain(value: object) -> Any:
-    """A value of a solution as JSON has it; terms that JSON lacks become text."""
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return value if isinstance(value, str | int | float) else str(value)
-
-
 def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
     from drlsl.driving.reasons import busy_sections, objections
 
@@ -191,7 +184,7 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
         unsafe, sections = objections(shield, decision), busy_sections(shield)
     if as_json:
         print(
-            json.dumps(
+            to_json(
                 {
                     "safe_actions": [action.atom for action in decision.safe_actions],
                     "unsafe_actions": {
@@ -204,8 +197,7 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
                         name: {"vehicle": busy.vehicle, "gap": busy.gap} if busy else None
                         for name, busy in sections.items()
                     },
-                },
-                indent=2,
+                }
             )
         )
     else:
@@ -234,7 +226,7 @@ def _report(
     yield f"target speed  {decision.target_speed:.2f} m/s"
     yield "sections"
     for name, busy in sections.items():
-        yield f"  {name:<12} {f'{busy.vehicle}, {_metres(busy.gap)}' if busy else 'free'}"
+        yield f"  {name:<12} {f'{printable(busy.vehicle)}, {_metres(busy.gap)}' if busy else 'free'}"
     yield "observation   " + " ".join(f"{number:.3f}" for number in decision.observation)
 
 

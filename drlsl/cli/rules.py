@@ -39,12 +39,11 @@ class Tier(StrEnum):
 @app.command()
 def check(files: Files = None) -> None:
     """Say which tiers can run each predicate, and what looks wrong; the status is 1 where something does."""
-    from drlsl.driving.lowered import LANE, SCHEMA
-    from drlsl.driving.shield import REQUIRED
+    from drlsl.driving.lowered import ASKED
+    from drlsl.driving.scene import SCHEMA
     from drlsl.logic.lowering.check import check_program
 
-    engine = _load(files)
-    report = check_program(engine, SCHEMA, [*REQUIRED, (LANE.name, LANE.arity)])
+    report = check_program(_load(files), SCHEMA, ASKED)
     _print_report(report)
     if report.findings:
         raise typer.Exit(1)
@@ -63,6 +62,11 @@ def _print_report(report: Report) -> None:
     if notes:
         print("\nrun in every tier as a part of other answers, but cannot be asked for everywhere")
         print("\n".join(notes))
+    if report.doubts:
+        print("\nleft to the interpreter, which is slower, where this happens or a fact is beyond 1e15")
+        for query, doubts in report.doubts.items():
+            print(f"  {query}")
+            print("\n".join(f"    {doubt}" for doubt in doubts))
     if report.uncalled:
         print("\nno rule calls these, and driving does not ask for them")
         _print_wrapped(report.uncalled)
@@ -100,13 +104,14 @@ def show(
     ] = None,
 ) -> None:
     """Print the code that a rule program becomes."""
-    from drlsl.driving.lowered import FREE, LANE, SCHEMA, SPEED, STATE
+    from drlsl.driving.lowered import ASKED, ENTRY
+    from drlsl.driving.scene import SCHEMA
     from drlsl.errors import UserError
     from drlsl.logic.lowering.errors import NotLowerable
-    from drlsl.logic.lowering.lower import Query, lower
+    from drlsl.logic.lowering.lower import lower
 
     engine = _load(files)
-    asked = (Query("safe_actions", 1, "set"), FREE, SPEED, STATE, LANE)
+    asked = [query for query in ASKED if query is not ENTRY]
     queries = [_query(goal) for goal in goals or ()]
     queries = queries or [query for query in asked if engine.defines(query.name, query.arity)]
     try:

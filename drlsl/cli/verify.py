@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -12,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.verify.report import Report, Request, Result
@@ -67,7 +68,7 @@ def verify(
     if out is not None:
         _write_scenes(request, report, out)
     if as_json:
-        print(json.dumps(_as_json(report, request), indent=2))
+        print(to_json(_as_json(report, request)))
     else:
         print("\n".join(_lines(report, request, out)))
     if any(result.status != "proved" for result in report.results):
@@ -142,7 +143,7 @@ def _scene_lines(result: Result, out: Path | None) -> Iterator[str]:
         mark = ", in focus" if car.id == found.focus else ""
         ahead, aside = car.x - scene.ego.x, car.y - scene.ego.y
         place = f"{ahead:+.4g} m along x, {aside:+.4g} m along y"
-        yield f"{car.id} in lane {car.lane} at {place}, {car.vx:.4g} m/s{mark}"
+        yield f"{printable(car.id)} in lane {car.lane} at {place}, {car.vx:.4g} m/s{mark}"
     yield from (f"{name} = {value:.6g}" for name, value in found.unknowns.items())
     yield f"scene: {out / f'{result.name}.json'}" if out is not None else "--out DIR writes the scene"
 

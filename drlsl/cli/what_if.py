@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from drlsl.cli.failures import failures_as_errors
+from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.driving.actions import Action
@@ -49,7 +49,7 @@ def print_what_if(
         against = objections_to(shield, (answer.action for answer in answers if not answer.offered))
     written = _write(answers, out) if out is not None else ()
     if as_json:
-        print(json.dumps({answer.action.atom: answer.as_json() for answer in answers}, indent=2))
+        print(to_json({answer.action.atom: answer.as_json() for answer in answers}))
     else:
         for answer in answers:
             print("\n".join(_lines(answer, scene, against.get(answer.action, ()))))
@@ -148,17 +148,17 @@ def _words(change: Change, finding: Finding, scene: Scene) -> str:
     assert finding.scene is not None
     amount = _decimal(abs(change.change), 9)
     if change.quantity == "vx":
-        who = "the ego" if change.vehicle == scene.ego.id else change.vehicle
+        who = "the ego" if change.vehicle == scene.ego.id else printable(change.vehicle)
         way = "faster" if change.change > 0 else "slower"
         return f"{who} drove {amount} m/s {way}, at {_decimal(abs(change.after))} m/s"
     way = "further ahead" if change.change > 0 else "further back"
     if change.out_of_sight:
-        return f"{change.vehicle} were {amount} m {way}, out of sight"
+        return f"{printable(change.vehicle)} were {amount} m {way}, out of sight"
     car = next(one for one in finding.scene.vehicles if one.id == change.vehicle)
     gap = bumper_gap(car, scene.ego)
     place = "alongside" if gap <= 0 else f"with a gap of {_decimal(gap)} m"
     passing = ", past the ego" if (change.before - scene.ego.x) * (change.after - scene.ego.x) < 0 else ""
-    return f"{change.vehicle} were {amount} m {way}{passing}, {place}"
+    return f"{printable(change.vehicle)} were {amount} m {way}{passing}, {place}"
 
 
 def _decimal(number: float, digits: int = 2) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.actions import Action
-from drlsl.driving.scene import EGO, Road, Scene, Vehicle
+from drlsl.driving.scene import EGO, SCHEMA, Road, Scene, Vehicle
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
@@ -58,24 +58,34 @@ class SceneBatch:
 
     @classmethod
     def of(cls, scenes: Sequence[Scene]) -> SceneBatch:
-        """The batch of `scenes`, each with the vehicles in range, numbered in their order."""
+        """Make the batch of `scenes`, each with the vehicles in range, numbered in their order.
+
+        Raises:
+            TypeError, ValueError: a lane is no integer of 64 bits, or another value no number.
+        """
         roads: dict[Road, int] = {}
         road = [roads.setdefault(scene.road, len(roads)) for scene in scenes]
-        rows = [(scene.ego, *scene.in_range()) for scene in scenes]
+        conform = SCHEMA.relations["vehicle", 8].conform
+        rows = [conform((scene.ego, *scene.in_range())) for scene in scenes]
         slots = max(map(len, rows))
-        table = np.zeros((7, len(rows), slots))
+        numbers = np.zeros((6, len(rows), slots))
+        lane = np.zeros((len(rows), slots), dtype=np.int64)
         valid = np.zeros((len(rows), slots), dtype=np.bool_)
         for n, vehicles in enumerate(rows):
-            table[:, n, : len(vehicles)] = np.array([vehicle[1:] for vehicle in vehicles], dtype=np.float64).T
+            numbers[:, n, : len(vehicles)] = np.array([vehicle[2:] for vehicle in vehicles]).T
+            try:
+                lane[n, : len(vehicles)] = [vehicle[1] for vehicle in vehicles]
+            except OverflowError as error:
+                raise ValueError(f"a lane of scene {n} is no integer of 64 bits") from error
             valid[n, : len(vehicles)] = True
         ids = np.broadcast_to(np.arange(EGO_ID, slots + EGO_ID), valid.shape)
         return cls.from_numbers(
-            table[1:],
+            numbers,
             roads=tuple(roads),
             road=np.array(road),
             target_lane=np.array([scene.target_lane for scene in scenes]),
             id=ids,
-            lane=table[0].astype(np.int64),
+            lane=lane,
             valid=valid,
         )
 

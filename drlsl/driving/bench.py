@@ -18,8 +18,8 @@ import numpy as np
 
 from drlsl.driving.batch import SceneBatch
 from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from drlsl.driving.lowered import FREE, SCHEMA, SPEED, STATE
-from drlsl.driving.scene import EGO, Facts, Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.lowered import FREE, SPEED, STATE
+from drlsl.driving.scene import EGO, SCHEMA, Facts, Road, Scene, Vehicle, road_facts, scene_facts
 from drlsl.driving.shield import default_rules
 from drlsl.logic import Engine
 from drlsl.logic.lowering.batch_program import BatchProgram, Rows, TextProgram

@@ -11,51 +11,26 @@ import numpy.typing as npt
 
 from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.batch import EGO_ID, Decisions, SceneBatch
-from drlsl.driving.scene import EGO, Facts, Road, Row, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import EGO, SCHEMA, Facts, Road, Row, Scene, road_facts, scene_facts
 from drlsl.driving.shield import OBSERVATION_SIZE, Decision, Shield
 from drlsl.logic.lowering.batch_program import BatchAnswer, BatchProgram, Rows
 from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.forms import array_forms
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.logic.lowering.schema import Relation
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
-ROAD_LANE: Final = Relation(
-    "road_lane",
-    ("int", "atom", "float", "float", "float"),
-    key=0,
-    capacity=6,
-    fields=("id", "direction", "centre", "width", "speed_limit"),
-)
-
-SCHEMA: Final = Schema(
-    [
-        Relation(
-            "vehicle",
-            ("atom", "int", "float", "float", "float", "float", "float", "float"),
-            key=0,
-            first=EGO,
-            capacity=40,
-            fields=Vehicle._fields,
-        ),
-        ROAD_LANE,
-        Relation("target_lane", ("int",), single=True),
-        Relation("time_step", ("float",), single=True),
-        Relation("radar_range", ("float",), single=True),
-        Relation("acceleration_limit", ("float",), single=True),
-        Relation("braking_limit", ("float",), single=True),
-        Relation("centre_tolerance", ("float",), single=True),
-    ]
-)
-"""What the facts of a scene look like; `drlsl.driving.scene` makes them."""
-
+ACTIONS: Final = Query("safe_actions", 1, "set")
 SPEED: Final = Query("longitudinal_velocity", 1, "first")
 STATE: Final = Query("state", 1, "first")
 FREE: Final = Query("front_is_free", 0, "holds")
 ENTRY: Final = Query("entry_is_safe", 0, "holds")
 LANE: Final = Query("lane_to_keep", 1, "first")
+
+ASKED: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE)
+"""What driving asks a program; LANE only of one that defines it."""
 
 _NUMBERS: Final = frozenset({"int", "float", "number"})
 
@@ -123,12 +98,11 @@ class ArrayAsker:
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
             UserError: the rules can offer an action that the agent does not know.
         """
-        actions = Query("safe_actions", 1, "set")
-        queries = [actions, SPEED, STATE, FREE, *([LANE] if shield.gives_lane else [])]
+        queries = [ACTIONS, SPEED, STATE, FREE, *([LANE] if shield.gives_lane else [])]
         lowered = lower(shield.engine, SCHEMA, queries)
         _check_forms(lowered)
         answers = compile_program(lowered)
-        self._actions = [action_of_atom(atom) for atom in answers.choices[actions]]
+        self._actions = [action_of_atom(atom) for atom in answers.choices[ACTIONS]]
         self._answers = _Program(answers)
         self._entry = _Program(compile_program(lower(shield.engine, SCHEMA, [ENTRY])))
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from drlsl.driving.scene import Scene, Vehicle
 from drlsl.errors import UserError
+from drlsl.plain_text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -307,8 +308,9 @@ def draw_vehicles(
         return car is not scene.ego, car.id not in colours, abs(car.x - scene.ego.x)
 
     for car in sorted(cars, key=rank):
-        speed = f"{car.id}  {math.hypot(car.vx, car.vy):.1f} m/s"
-        variants = [speed, car.id]
+        name = printable(car.id)
+        speed = f"{name}  {math.hypot(car.vx, car.vy):.1f} m/s"
+        variants = [speed, name]
         if car.id in notes:
             variants.insert(0, f"{speed}\n{notes[car.id]}")
         canvas.write(variants, car.x, car.y, half=car.width / 2)

@@ -11,6 +11,7 @@ from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import LIMITS, Decision, Shield
 from drlsl.logic import Compound
+from drlsl.plain_text import printable
 
 SECTIONS: Final = ("front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left")
 """The sections around the ego, clockwise. Source: paper, SLP for AD."""
@@ -49,11 +50,14 @@ class Objection:
     def words(self) -> str:
         """The reason for people."""
         if self.gap is None or self.needed is None or self.missing is None:
-            details = [detail if isinstance(detail, str) else f"{detail:.4g}" for detail in self.details]
-            reason = self.reason.replace("_", " ")
+            details = [
+                printable(detail) if isinstance(detail, str) else f"{detail:.4g}" for detail in self.details
+            ]
+            reason = printable(self.reason).replace("_", " ")
             return f"{reason}: {', '.join(details)}" if details else reason
         place = "alongside" if self.gap <= 0 else f"{self.gap:.1f} m away"
-        return f"{self.vehicle} is {place}, {self.needed:.1f} m needed: {self.missing:.1f} m missing"
+        missing = f"{self.needed:.1f} m needed: {self.missing:.1f} m missing"
+        return printable(f"{self.vehicle} is {place}, {missing}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +81,7 @@ class SpeedReason:
 
     def words(self) -> str:
         """The reason for people."""
-        return f"{self.vehicle} decides it; without it {self.without:.2f} m/s"
+        return f"{printable(self.vehicle)} decides it; without it {self.without:.2f} m/s"
 
 
 def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:

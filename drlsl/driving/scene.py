@@ -1,4 +1,4 @@
-"""One moment of traffic around the ego, and the facts that tell the rules about it. Standard library only."""
+"""One moment of traffic around the ego, and the facts that tell the rules about it; no NumPy."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
+from drlsl.logic.lowering.schema import Relation, Schema
 from drlsl.traffic.road import Direction, Lane
 
 EGO: Final = "ego"
@@ -90,6 +91,34 @@ class Scene:
 def bumper_gap(one: Vehicle, other: Vehicle) -> float:
     """From bumper to bumper along the road [m]; below 0 where two vehicles are alongside."""
     return abs(one.x - other.x) - (one.length + other.length) / 2
+
+
+SCHEMA: Final = Schema(
+    [
+        Relation(
+            "vehicle",
+            ("atom", "int", "float", "float", "float", "float", "float", "float"),
+            key=0,
+            first=EGO,
+            capacity=40,
+            fields=Vehicle._fields,
+        ),
+        Relation(
+            "road_lane",
+            ("int", "atom", "float", "float", "float"),
+            key=0,
+            capacity=6,
+            fields=("id", "direction", "centre", "width", "speed_limit"),
+        ),
+        Relation("target_lane", ("int",), single=True),
+        Relation("time_step", ("float",), single=True),
+        Relation("radar_range", ("float",), single=True),
+        Relation("acceleration_limit", ("float",), single=True),
+        Relation("braking_limit", ("float",), single=True),
+        Relation("centre_tolerance", ("float",), single=True),
+    ]
+)
+"""What the facts of a scene look like."""
 
 
 def road_facts(road: Road) -> Facts:

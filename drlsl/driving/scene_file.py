@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene import EGO, Road, Scene, Vehicle
 from drlsl.errors import UserError
+from drlsl.plain_text import parse_json, read_text
 from drlsl.traffic.road import Direction, Lane
 
 Positive = Annotated[float, Field(gt=0)]
@@ -83,13 +84,7 @@ def load_scene(path: str | Path) -> Scene:
     Raises:
         UserError: the file cannot be read, is not JSON (with line and column), or is not a possible scene.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot read the scene {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not UTF-8 text (byte {error.start}); a scene is a JSON file") from error
-    return parse_scene(text, str(path))
+    return parse_scene(read_text(path, "the scene"), str(path))
 
 
 def parse_scene(text: str, name: str) -> Scene:
@@ -98,12 +93,7 @@ def parse_scene(text: str, name: str) -> Scene:
     Raises:
         UserError: the text is not JSON (with line and column), or not a possible scene.
     """
-    try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise UserError(f"{name}:{error.lineno}:{error.colno}: not JSON: {error.msg}") from error
-    except RecursionError as error:
-        raise UserError(f"{name}: nested too deeply to be a scene") from error
+    data = parse_json(text, name)
     try:
         model = SceneModel.model_validate(data)
     except ValidationError as error:

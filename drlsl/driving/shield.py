@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeGuard
 
 from drlsl.driving.actions import Action, action_of_atom
-from drlsl.driving.scene import Road, Scene, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Road, Scene, road_facts, scene_facts
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, Solution
 
@@ -179,7 +179,7 @@ class Shield:
         Where threads share the shield, hold `lock` until the engine has been asked.
 
         Raises:
-            RuleFailure: a number is NaN.
+            RuleFailure: a number is NaN, or a value is of another kind than its fact has.
         """
         facts = scene_facts(scene)
         if scene.road is not self._road:
@@ -187,8 +187,8 @@ class Shield:
         self._road = None
         for (name, arity), rows in facts.items():
             try:
-                self.engine.replace_facts(name, arity, rows)
-            except ValueError as error:
+                self.engine.replace_facts(name, arity, SCHEMA.relations[name, arity].conform(rows))
+            except (TypeError, ValueError) as error:
                 raise RuleFailure(f"the fact {name}/{arity} cannot be told: {error}") from error
         self._road = scene.road
 

@@ -12,6 +12,7 @@ from drlsl.logic.operators import Operators
 from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.logic.tokens import Span
 from drlsl.logic.unify import term_variables
+from drlsl.logic.values import to_plain
 from drlsl.logic.writer import format_term
 
 Shown: TypeAlias = "str | int | float"
@@ -59,7 +60,7 @@ class Step:
             "source": self.source,
             "place": None if self.place is None else str(self.place),
             "clause": None if self.clause is None else str(self.clause),
-            "bindings": dict(self.bindings),
+            "bindings": {name: to_plain(value) for name, value in self.bindings.items()},
             "children": [child.to_dict() for child in self.children],
             "note": self.note,
         }
@@ -79,7 +80,7 @@ class Explanation:
         return {
             "goal": self.goal,
             "holds": self.holds,
-            "bindings": dict(self.bindings),
+            "bindings": {name: to_plain(value) for name, value in self.bindings.items()},
             "steps": [step.to_dict() for step in self.steps],
         }
 

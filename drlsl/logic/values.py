@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import isnan
+from math import isfinite, isnan
 from typing import Any, Final, TypeAlias, Union
 
 from drlsl.logic.errors import representation_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 from drlsl.logic.unify import is_acyclic
-from drlsl.logic.writer import variable_name
+from drlsl.logic.writer import format_integer, variable_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Compound:
     args: tuple[Value, ...]
 
     def __str__(self) -> str:
-        return f"{self.name}({', '.join(map(str, self.args))})"
+        return f"{self.name}({', '.join(map(_text, self.args))})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +120,28 @@ def _simple_value(term: Term, names: Mapping[Term, str]) -> Value:
         return String(term)
     assert type(term) is int or type(term) is float
     return term
+
+
+_LONGEST: Final = 10**400
+"""No float comes near an integer with more digits."""
+
+
+def to_plain(value: Value) -> str | int | float | list[Any]:
+    """Return a value as JSON can hold it: a term that JSON lacks, NaN or an infinity becomes text.
+
+    So does an integer of more than 400 digits, which not every reader of JSON takes.
+    """
+    if isinstance(value, list):
+        return [to_plain(item) for item in value]
+    if isinstance(value, int) and not -_LONGEST < value < _LONGEST:
+        return format_integer(value)
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)
+    return value if isinstance(value, str | int | float) else str(value)
+
+
+def _text(value: Value) -> str:
+    return format_integer(value) if isinstance(value, int) else str(value)
 
 
 def to_term(value: Any, variables: dict[str, Var] | None = None) -> Term:

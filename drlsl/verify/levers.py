@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Final, Literal, TypeAlias
 
-from drlsl.driving.lowered import SCHEMA
-from drlsl.driving.scene import Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Road, Scene, Vehicle, road_facts, scene_facts
 from drlsl.logic.lowering.ir import Node
 from drlsl.logic.terms import Atom
 from drlsl.verify.booleans import Bool, leaves

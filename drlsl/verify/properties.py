@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
-from drlsl.driving.lowered import SCHEMA
+from drlsl.driving.scene import SCHEMA
 from drlsl.driving.shield import consult_rules, default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine

@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from drlsl.driving.lowered import SCHEMA
-from drlsl.driving.scene import EGO
+from drlsl.driving.scene import EGO, SCHEMA
 from drlsl.logic.lowering.ir import QUANTIFIERS, Node, relation_of
 from drlsl.logic.lowering.lower import Answer
 from drlsl.logic.terms import Atom

@@ -173,3 +173,65 @@ def test_an_action_that_the_agent_does_not_know(capsys: pytest.CaptureFixture[st
     )
     message = refusal(capsys, "query", "--state", SCENE, "--rules", str(tmp_path / "rules.pl"))
     assert "'lane_change', which the agent does not know" in message
+
+
+@pytest.mark.parametrize(
+    ("goal", "expected"),
+    [
+        ("X is 10 ^ 5000", "1" + "0" * 5000),
+        ("X = f(Y, Z), Z is 10 ^ 5000", None),
+        ("X is 2 ^ 100", 2**100),
+    ],
+)
+def test_long_numbers_are_printed(goal: str, expected: object, capsys: pytest.CaptureFixture[str]) -> None:
+    (solution,) = json.loads(answer(capsys, "--goal", goal, "--json"))["solutions"]
+    assert solution["X"] == expected or (expected is None and solution["X"].startswith("f("))
+    assert answer(capsys, "--goal", goal).startswith("X = ")
+
+
+def test_infinity_in_an_answer_is_valid_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rules = tmp_path / "far.pl"
+    rules.write_text(
+        ":- ensure_loaded('highway.pl').\n:- set_prolog_flag(iso, false).\nfar(X) :- X is inf.\n"
+    )
+    text = answer(capsys, "--rules", str(rules), "--goal", "far(X)", "--json")
+    assert json.loads(text, parse_constant=lambda name: pytest.fail(name))["solutions"] == [{"X": "inf"}]
+
+
+def scene_file(tmp_path: Path, change: str) -> str:
+    text = Path(SCENE).read_text(encoding="utf-8")
+    assert '"sports_car"' in text
+    path = tmp_path / "scene.json"
+    path.write_text(text.replace('"sports_car"', change), encoding="utf-8")
+    return str(path)
+
+
+def test_control_characters_in_a_name_are_printed_escaped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = scene_file(tmp_path, r'"red\u001b[31m\ncar"')
+    for options in ([], ["--explain"], ["--goal", "busy_section(S, Car, _)"]):
+        assert run(["query", "--state", state, *options]) == 0
+        out = capsys.readouterr().out
+        assert "\x1b" not in out
+        assert "red\\x1b" in out
+    assert run(["query", "--state", state, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["sections"]["back_left"]["vehicle"] == "red\x1b[31m\ncar"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ('"a", "id": "b"', 'the key "id" is given 2 times'),
+        ("7" * 5000, "an integer of 5000 digits"),
+        ('"van\\n\\u001b[2J"', "vehicles has 'van\\n\\x1b[2J' 2 times"),
+    ],
+)
+def test_a_scene_that_readers_take_differently_is_one_line(
+    change: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = scene_file(tmp_path, change)
+    if "van" in change:
+        path = Path(state)
+        path.write_text(path.read_text(encoding="utf-8").replace('"van"', change), encoding="utf-8")
+    assert message in refusal(capsys, "query", "--state", state)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
@@ -212,3 +214,37 @@ def test_facts_are_replaced_between_scenes() -> None:
     first = default.decide(SCENE)
     assert default.decide(crowded) != first
     assert default.decide(SCENE) == first
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_numbers_of_other_types_are_the_same_scene(program: str) -> None:
+    exact = replace(SCENE, vehicles=(Vehicle("van", 2, 40.0, 7.0, 25.0, 0.0, 5.0, 2.0),))
+    loose = replace(
+        exact,
+        ego=SCENE.ego._replace(lane=np.int64(2), x=0, vx=np.float32(30)),
+        vehicles=(Vehicle("van", np.int8(2), 40, 7, np.int64(25), 0, 5, 2),),
+    )
+    for tier in TIERS:
+        asked = SHIELDS[program, tier]
+        assert asked.decide(loose) == asked.decide(exact)
+        decisions = asked.decide_batch(SceneBatch.of([exact, loose] * 5))
+        assert not decisions.failures
+        assert (decisions.target_speed == decisions.target_speed[0]).all()
+        assert (decisions.observation == decisions.observation[0]).all()
+        assert (decisions.action_mask == decisions.action_mask[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("lane", 2.0), ("lane", True), ("x", "40"), ("vx", True), ("length", 10**400)]
+)
+def test_a_value_of_another_kind_is_refused_by_name(field: str, value: object) -> None:
+    scene = replace(SCENE, ego=SCENE.ego._replace(**{field: value}))  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(RuleFailure, match=f"{field} of vehicle/8 is"):
+        shield().decide(scene)
+    with pytest.raises((TypeError, ValueError), match=f"{field} of vehicle/8 is"):
+        SceneBatch.of([scene])
+
+
+def test_a_lane_beyond_64_bits_has_no_place_in_a_batch() -> None:
+    with pytest.raises(ValueError, match="a lane of scene 1 is no integer of 64 bits"):
+        SceneBatch.of([SCENE, replace(SCENE, ego=SCENE.ego._replace(lane=2**64))])

@@ -51,7 +51,7 @@ class Scope:
 CONSTANTS = {
     "key": ("ego", "c1", "nobody"),
     "int": ("0", "1", "2", "-3"),
-    "float": ("0.0", "1.0", "0.5", "-2.0", "3.25"),
+    "float": ("0.0", "1.0", "0.5", "-2.0", "3.25", "1.0e-31", "1.0e15"),
     "side": ("left", "right"),
 }
 
@@ -83,14 +83,14 @@ def expressions(draw: st.DrawFn, scope: Scope, depth: int = 2) -> str:
         return draw(operands(scope, kind))
     left = draw(expressions(scope, depth - 1))
     name = draw(
-        st.sampled_from([*"+-*+-*/", "min", "max", "//", "mod", "rem", "div", "**", "-u", *FUNCTIONS])
+        st.sampled_from([*"+-*+-*/", "min", "max", "//", "mod", "rem", "div", "**", "^", "-u", *FUNCTIONS])
     )
     if name in FUNCTIONS:
         return f"{name}({left})"
     if name == "-u":
         return f"-({left})"
-    if name == "**":
-        return f"({left}) ** {draw(st.sampled_from(['2', '3', '2.0', '0.5', '-1']))}"
+    if name in ("**", "^"):
+        return f"({left}) {name} {draw(st.sampled_from(['2', '3', '2.0', '0.5', '-0.5', '-2.0', '-1']))}"
     right = draw(expressions(scope, depth - 1))
     return f"{name}({left}, {right})" if name in ("min", "max") else f"({left}) {name} ({right})"
 

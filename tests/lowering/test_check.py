@@ -9,12 +9,13 @@ import pytest
 from drlsl.cli import run
 from drlsl.logic import Engine
 from drlsl.logic.lowering.check import Report, check_program
+from drlsl.logic.lowering.lower import Query
 from drlsl.logic.lowering.schema import Relation, Schema
 
 SCHEMA = Schema([Relation("car", ("atom", "float"), key=0), Relation("limit", ("float",), single=True)])
 
 
-def report(text: str, *asked: tuple[str, int]) -> Report:
+def report(text: str, *asked: Query) -> Report:
     engine = Engine()
     engine.consult_text(text, "rules.pl")
     return check_program(engine, SCHEMA, asked)
@@ -70,8 +71,40 @@ def test_tiers_of_each_predicate() -> None:
 
 def test_what_no_rule_calls() -> None:
     text = "p :- q. q :- \\+ r. r :- limit(1.0). s :- p."
-    assert report(text, ("s", 0)).uncalled == ()
+    assert report(text, Query("s", 0, "holds")).uncalled == ()
     assert report(text).uncalled == ("s/0",)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("p(X) :- limit(X).", []),
+        ("p(X) :- limit(L), X is L / 2.0.", []),
+        ("p(X) :- limit(L), X is 1.0 / L.", ["rules.pl:1: a division by 1e-30 or less"]),
+        ("p(X) :- car(_, L), X is sqrt(L).", ["rules.pl:1: a square root of a negative number"]),
+        ("p(X) :- car(_, L), X is sqrt(L * L).", []),
+        (
+            "p(X) :- car(_, L), q(L, X).\nq(L, X) :- X is L ^ 0.5.",
+            ["rules.pl:2: a power of a negative number, or of 0 to a negative exponent"],
+        ),
+        ("p(X) :- limit(L), X is (L ^ 2 + 1.0) ^ 0.5.", []),
+        ("p(X) :- limit(L), X is exp(L).", ["rules.pl:1: a number beyond 1e+300"]),
+        ("p(X) :- limit(L), X is L + left.", ["rules.pl:1: an expression without a value"]),
+        ("p(X) :- limit(X), \\+ ( car(_, Y), 1.0 / Y > X ).", ["rules.pl:1: a division by 1e-30 or less"]),
+    ],
+)
+def test_when_a_query_is_undecided(text: str, expected: list[str]) -> None:
+    query = Query("p", 1, "first")
+    doubts = report(text, query).doubts
+    assert [str(doubt) for doubt in doubts.get(query, ())] == expected
+
+
+def test_check_prints_when_a_query_is_undecided(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["rules", "check"]) == 0
+    out = capsys.readouterr().out
+    assert "left to the interpreter" in out
+    assert "\n  longitudinal_velocity/1\n    " in out
+    assert "\n  safe_actions/1\n" not in out
 
 
 def test_the_rules_that_ship_look_right(capsys: pytest.CaptureFixture[str]) -> None:

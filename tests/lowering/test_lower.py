@@ -248,7 +248,6 @@ def test_facts_that_are_not_as_the_schema_says(scene: Facts) -> None:
 @pytest.mark.parametrize(
     "scene",
     [
-        facts(cars=[("ego", 1, 0)]),
         facts(cars=[("ego", 1.0, 0.0)]),  # type: ignore[list-item]  # the mistake that is tested
         facts(lanes=[(1, 5, 2.0)]),  # type: ignore[list-item]  # the mistake that is tested
         {**facts(), ("limit", 1): [(1.0, 2.0)]},

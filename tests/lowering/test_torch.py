@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from drlsl.driving.bench import random_scenes
-from drlsl.driving.lowered import FREE, SCHEMA, SPEED, STATE
-from drlsl.driving.scene import Scene, road_facts, scene_facts
+from drlsl.driving.lowered import FREE, SPEED, STATE
+from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
 from drlsl.logic.lowering import numpy_ops, torch_ops
 from drlsl.logic.lowering.batch_program import BatchResult, Precision, Rows

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from drlsl.driving.lowered import SCHEMA
+from drlsl.driving.scene import SCHEMA
 from drlsl.driving.shield import consult_rules
 from drlsl.logic import Engine
 from drlsl.logic.lowering.batch_program import Rows

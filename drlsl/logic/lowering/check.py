@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from drlsl.logic.engine import Engine
 from drlsl.logic.goals import GOAL_ARGUMENTS
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.lowering.arrays import ArrayPrinter
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.errors import Doubt, NotLowerable
+from drlsl.logic.lowering.ir import Node, reach
+from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.schema import Schema
 from drlsl.logic.program import Clause, Predicate
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
@@ -54,15 +55,19 @@ class PredicateReport:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What `check_program` found: every predicate, what looks wrong, and what no rule calls."""
+    """What `check_program` found: every predicate, what looks wrong, and what no rule calls.
+
+    `doubts` has the queries that generated code leaves to the interpreter in some scenes, and why.
+    """
 
     predicates: tuple[PredicateReport, ...]
     findings: tuple[Finding, ...]
     uncalled: tuple[str, ...]
+    doubts: Mapping[Query, tuple[Doubt, ...]]
 
 
-def check_program(engine: Engine, schema: Schema, asked: Iterable[Indicator] = ()) -> Report:
-    """Check a loaded program; `asked` are the predicates that are called from outside."""
+def check_program(engine: Engine, schema: Schema, asked: Sequence[Query] = ()) -> Report:
+    """Check a loaded program; `asked` are the queries that it gets from outside."""
     rules = [
         predicate
         for key, predicate in engine.program.predicates.items()
@@ -75,11 +80,14 @@ def check_program(engine: Engine, schema: Schema, asked: Iterable[Indicator] = (
             findings.extend(_undefined(engine, schema, clause))
             findings.extend(_floundering(clause))
     called = {key for predicate in rules for clause in predicate.clauses for key in _called(clause.body)}
-    uncalled = [p.indicator for p in rules if p.indicator not in called and p.indicator not in set(asked)]
+    called |= {(query.name, query.arity) for query in asked}
+    uncalled = [predicate.indicator for predicate in rules if predicate.indicator not in called]
+    doubts = {query: _doubts(engine, schema, query) for query in asked}
     return Report(
         tuple(_tiers(engine, schema, predicate) for predicate in rules),
         tuple(findings),
         tuple(f"{name}/{arity}" for name, arity in uncalled),
+        {query: reasons for query, reasons in doubts.items() if reasons},
     )
 
 
@@ -105,6 +113,49 @@ def _tiers(engine: Engine, schema: Schema, predicate: Predicate) -> PredicateRep
     except NotLowerable as refusal:
         return PredicateReport(name, arity, place, array_answer=refusal.reason)
     return PredicateReport(name, arity, place)
+
+
+def _doubts(engine: Engine, schema: Schema, query: Query) -> tuple[Doubt, ...]:
+    """Why a query can be undecided; nothing where it cannot, or where only the interpreter runs it."""
+    try:
+        lowered = lower(engine, schema, [query])
+    except NotLowerable:
+        return ()
+    return tuple(_reasons(lowered))
+
+
+def _reasons(lowered: Lowered) -> Iterator[Doubt]:
+    """The doubts whose conditions are a part of what makes the only answer undecided.
+
+    Conditions are compared but for their loops, which are numbered anew when a quantifier binds them.
+    """
+    (answer,) = lowered.answers
+    if answer.undecided is lowered.pool.false:
+        return
+    shapes: dict[Node, int] = {}
+    numbers: dict[object, int] = {}
+
+    def shape(node: Node) -> int:
+        for part in reach([node], shapes):
+            inside = () if part.op == "loop" else tuple(shapes[arg] for arg in part.args)
+            data = None if part.op == "loop" else part.data
+            shapes[part] = numbers.setdefault((part.op, part.kind, inside, data), len(numbers))
+        return shapes[node]
+
+    used = {shape(part) for part in reach([answer.undecided])}
+    for doubt, conditions in lowered.doubts.items():
+        parts = (part for cond in conditions for part in _tests(cond))
+        if any(part is lowered.pool.false or shape(part) in used for part in parts):
+            yield doubt
+
+
+def _tests(cond: Node) -> Iterator[Node]:
+    """The comparisons that a condition is made of."""
+    if cond.op in ("not", "and", "or"):
+        for arg in cond.args:
+            yield from _tests(arg)
+    else:
+        yield cond
 
 
 # ---------------------------------------------------------------- what looks wrong

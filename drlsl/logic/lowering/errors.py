@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+
+from drlsl.logic.tokens import Span
 
 
 class NotLowerable(Exception):
@@ -11,7 +13,7 @@ class NotLowerable(Exception):
     `predicate` is written name/arity; `span` is where the clause was read, None where that is not known.
     """
 
-    def __init__(self, predicate: str, span: Any, reason: str) -> None:
+    def __init__(self, predicate: str, span: Span | None, reason: str) -> None:
         place = f"{span}: " if span is not None else ""
         super().__init__(f"{place}{predicate} cannot be lowered: {reason}")
         self.predicate = predicate
@@ -24,3 +26,14 @@ class Undecided(Exception):
 
     A fact of another kind than the schema says, a number out of bounds, an arithmetic error on the way.
     """
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Why generated code can be undecided: in which clause (None where it is not known) what happens."""
+
+    span: Span | None
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.span}: {self.reason}" if self.span is not None else self.reason

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from drlsl.logic.engine import Engine
-from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.errors import Doubt, NotLowerable
 from drlsl.logic.lowering.ir import Node, Pool
 from drlsl.logic.lowering.schema import Schema
 from drlsl.logic.lowering.symbols import variables_of
@@ -72,11 +72,15 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Lowered:
-    """A program lowered for some queries."""
+    """A program lowered for some queries.
+
+    `doubts` has, for each reason why a scene may be undecided, the conditions under which it is not.
+    """
 
     schema: Schema
     pool: Pool
     answers: tuple[Answer, ...] = field(repr=False)
+    doubts: Mapping[Doubt, Sequence[Node]] = field(repr=False)
 
 
 def lower(engine: Engine, schema: Schema, queries: Sequence[Query]) -> Lowered:
@@ -88,7 +92,8 @@ def lower(engine: Engine, schema: Schema, queries: Sequence[Query]) -> Lowered:
     pool = Pool()
     unfolder = Unfolder(engine.program, schema, pool, iso=engine.flags.iso)
     with deep_recursion():
-        return Lowered(schema, pool, tuple(_answer(unfolder, query) for query in queries))
+        answers = tuple(_answer(unfolder, query) for query in queries)
+    return Lowered(schema, pool, answers, unfolder.doubts)
 
 
 def _answer(unfolder: Unfolder, query: Query) -> Answer:

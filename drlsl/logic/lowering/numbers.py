@@ -123,6 +123,9 @@ _ROUNDINGS: Final = {
 COMPARISONS: Final = frozenset({"<", ">", "=<", ">=", "=:=", "=\\="})
 
 
+NO_VALUE: Final = "an expression without a value"
+
+
 class NoValue(Exception):
     """The expression has no value in any scene: the interpreter raises an error there."""
 
@@ -134,18 +137,19 @@ class NotCovered(Exception):
 class Arithmetic:
     """Evaluates one expression; `needed` collects the conditions under which it has a value.
 
-    With the flag `iso` on, ``/`` and ``**`` of integers give a float.
+    Each condition comes with what goes wrong where it does not hold. With the flag `iso` on, ``/`` and ``**``
+    of integers give a float.
     """
 
     def __init__(self, pool: Pool, *, iso: bool) -> None:
         self.pool = pool
         self.iso = iso
-        self.needed: list[Node] = []
+        self.needed: list[tuple[Node, str]] = []
 
-    def need(self, cond: Node) -> None:
-        """The value is only defined where `cond` holds."""
+    def need(self, cond: Node, otherwise: str) -> None:
+        """Note that the value is only defined where `cond` holds; `otherwise` says what goes wrong."""
         if cond is not self.pool.true:
-            self.needed.append(cond)
+            self.needed.append((cond, otherwise))
 
     def evaluate(self, term: Sym) -> Node:
         """The value of an expression.
@@ -204,8 +208,8 @@ class Arithmetic:
             try:
                 values.append(function(side))
             except NoValue:
-                self.needed.append(self.pool.false)
-            outer.extend(self.pool.or_([fails, need]) for need in self.needed)
+                self.needed.append((self.pool.false, NO_VALUE))
+            outer.extend((self.pool.or_([fails, need]), otherwise) for need, otherwise in self.needed)
         self.needed = outer
         if not values:
             raise NoValue
@@ -241,7 +245,8 @@ class Arithmetic:
             raise NoValue  # the interpreter raises an evaluation error
         if node.is_const:
             raise NotCovered(f"{node.data} is out of the range that generated code holds")
-        self.need(self.pool.make("within", "bool", (node,), most))
+        unit = "an integer" if node.kind == "int" else "a number"
+        self.need(self.pool.make("within", "bool", (node,), most), f"{unit} beyond {most:g}")
         return node
 
     # ---------------------------------------------------------------- operations
@@ -294,7 +299,8 @@ class Arithmetic:
             return self._within(self._make(_ROUNDINGS[name], "int", (arg,), bounds))
         if name == "sqrt":
             value = self.to_float(arg)
-            self.need(self.pool.not_(self.pool.less(value, self.pool.const(0.0))))
+            negative = self.pool.less(value, self.pool.const(0.0))
+            self.need(self.pool.not_(negative), "a square root of a negative number")
             bounds = (math.sqrt(max(value.low, 0.0)), math.sqrt(max(value.high, 0.0)))
             return self._make("sqrt", "float", (value,), bounds)
         if name in FUNCTIONS and name != "pow":
@@ -345,7 +351,7 @@ class Arithmetic:
         if left.kind == right.kind == "int" and self.iso:
             return self._quotient(self.to_float(left), self.to_float(right))
         if left.kind == right.kind == "int":
-            self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))))
+            self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))), "a division by 0")
             rest = self._make("mod", "int", (left, right), _mod_bounds(right))
             exact = self._make("floordiv", "int", (left, right), _symmetric(left))
             inexact = self._quotient(self.to_float(left), self.to_float(right))
@@ -357,8 +363,9 @@ class Arithmetic:
             raise NoValue
         if right.is_const and right.data == 1.0:
             return left
-        if right.low <= _SMALLEST_DIVISOR and right.high >= -_SMALLEST_DIVISOR:
-            self.need(self.pool.not_(self.pool.make("within", "bool", (right,), _SMALLEST_DIVISOR)))
+        if right.low <= _SMALLEST_DIVISOR and right.high >= -_SMALLEST_DIVISOR and not right.is_const:
+            small = self.pool.make("within", "bool", (right,), _SMALLEST_DIVISOR)
+            self.need(self.pool.not_(small), f"a division by {_SMALLEST_DIVISOR:g} or less")
             bound = max(abs(left.low), abs(left.high)) / _SMALLEST_DIVISOR
             low = 0.0 if left.low >= 0 and right.low >= 0 else -bound
             return self._within(self._make("div", "float", (left, right), (low, bound)))
@@ -368,7 +375,7 @@ class Arithmetic:
     def _int_division(self, op: str, left: Node, right: Node) -> Node:
         if right.is_const and right.data == 0:
             raise NoValue
-        self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))))
+        self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))), "a division by 0")
         if op == "rem":
             product = self._ring("*", right, self._make("truncdiv", "int", (left, right), _symmetric(left)))
             return self._ring("-", left, product)
@@ -397,15 +404,22 @@ class Arithmetic:
             for _ in range(right.data):
                 result = self._ring("*", result, left)
             return result
-        base, exponent = self._pair(left, right)
-        zero = self.pool.const(0.0)
-        if not (exponent.is_const and exponent.data == int(exponent.data) and exponent.data >= 0):
-            self.need(self.pool.less(zero, base))
-        return self._within(self._make_function("pow", (base, exponent), UNKNOWN))
+        return self._power_of_floats(*self._pair(left, right))
+
+    def _power_of_floats(self, base: Node, exponent: Node) -> Node:
+        """The power as the C library has it: none of 0 to less than 0, none of less than 0 to a fraction."""
+        pool, zero = self.pool, self.pool.const(0.0)
+        negative, nothing = pool.less(base, zero), pool.equal(base, zero)
+        defined = [pool.not_(pool.and_([nothing, pool.less(exponent, zero)]))]
+        if not (exponent.is_const and exponent.data == int(exponent.data)):
+            defined.append(pool.not_(negative))
+        self.need(pool.and_(defined), "a power of a negative number, or of 0 to a negative exponent")
+        return self._within(self._make_function("pow", (base, exponent), _power_bounds(base, exponent)))
 
     def _function(self, name: str, arg: Node) -> Node:
         if name in _NEEDS_POSITIVE:
-            self.need(self.pool.less(self.pool.const(0.0), arg))
+            positive = self.pool.less(self.pool.const(0.0), arg)
+            self.need(positive, f"{name} of a number that is not positive")
         bounds = (-1.0, 1.0) if name in ("sin", "cos", "tanh") else (-2.0, 2.0) if name == "atan" else UNKNOWN
         return self._within(self._make_function(name, (arg,), bounds))
 
@@ -435,6 +449,22 @@ class Arithmetic:
             return self.pool.not_(self.pool.less(left, right))
         same = self.pool.equal(left, right)
         return same if name == "=:=" else self.pool.not_(same)
+
+
+def _power_bounds(base: Node, exponent: Node) -> Interval:
+    """Bounds of a power with a constant exponent of 0 or more, where it has a value."""
+    if not exponent.is_const or exponent.data < 0:
+        return UNKNOWN
+    whole = exponent.data == int(exponent.data)
+    low, high = (
+        FUNCTIONS["pow"](end if whole else max(end, 0.0), exponent.data) for end in (base.low, base.high)
+    )
+    if math.isnan(low) or math.isnan(high):
+        return UNKNOWN
+    if exponent.data % 2 != 1:
+        low, high = 0.0, max(low, high)
+    slack = 1e-12  # the C library's power is exact to the last bits only
+    return low - slack * abs(low), high + slack * abs(high)
 
 
 def _symmetric(node: Node) -> Interval:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from operator import index
+from typing import Any, Final, Literal, TypeAlias
 
 Kind: TypeAlias = Literal["atom", "int", "float"]
 
@@ -53,6 +54,59 @@ class Relation:
     def arity(self) -> int:
         """The number of columns."""
         return len(self.columns)
+
+    def conform(self, rows: Iterable[Sequence[Any]]) -> list[tuple[str | int | float, ...]]:
+        """Return the rows with each value of its column's kind, as every tier reads them.
+
+        An integer in a column of floats becomes that float, and NumPy's numbers become Python's. NaN stays,
+        for the tier that reads it to refuse.
+
+        Raises:
+            TypeError: A value is of another kind: a float among integers, a bool, None.
+            ValueError: A row has another length, or a number is too large for a float.
+        """
+        return [self._conform_row(row) for row in rows]
+
+    def _conform_row(self, row: Sequence[Any]) -> tuple[str | int | float, ...]:
+        if len(row) != self.arity:
+            raise ValueError(f"a row of {self.name}/{self.arity} has {len(row)} values")
+        values: list[str | int | float] = []
+        for place, (kind, value) in enumerate(zip(self.columns, row, strict=True)):
+            try:
+                values.append(_CONFORM[kind](value))
+            except (TypeError, OverflowError) as error:
+                name = self.fields[place] if self.fields else f"column {place}"
+                what = f"{name} of {self.name}/{self.arity}"
+                if isinstance(error, OverflowError):
+                    raise ValueError(f"{what} is an integer too large for a float") from error
+                raise TypeError(f"{what} is {value!r:.80}; expected {_EXPECTED[kind]}") from error
+        return tuple(values)
+
+
+def _atom(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return str(value)
+
+
+def _integer(value: Any) -> int:
+    if isinstance(value, bool):
+        raise TypeError
+    return index(value)
+
+
+def _float(value: Any) -> float:
+    if isinstance(value, bool | str):
+        raise TypeError
+    return float(value)
+
+
+_CONFORM: Final[dict[Kind, Callable[[Any], str | int | float]]] = {
+    "atom": _atom,
+    "int": _integer,
+    "float": _float,
+}
+_EXPECTED: Final = {"atom": "a name", "int": "an integer", "float": "a number"}
 
 
 class Schema:

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from typing import Any, Final, NoReturn
 
 from drlsl.logic.linking import builtin, library
-from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.errors import Doubt, NotLowerable
 from drlsl.logic.lowering.ir import Node, Pool
-from drlsl.logic.lowering.numbers import Arithmetic, NotCovered, NoValue
+from drlsl.logic.lowering.numbers import NO_VALUE, Arithmetic, NotCovered, NoValue
 from drlsl.logic.lowering.schema import Relation, Schema
 from drlsl.logic.lowering.symbols import (
     call_key,
@@ -83,6 +83,7 @@ class Unfolder:
         self.schema = schema
         self.pool = pool
         self.fold = Folder(pool)
+        self.doubts: dict[Doubt, list[Node]] = {}
         self.counting = False  # whether it matters how often a goal succeeds
         self._goals = GOALS
         self._trail: list[Var] = []
@@ -193,10 +194,18 @@ class Unfolder:
             values = [arithmetic.evaluate(expression) for expression in expressions]
             result = then(arithmetic, *values)
         except NoValue:
+            self._doubt(self.pool.false, NO_VALUE)
             return require(self.pool.false, FAIL)
         except NotCovered as reason:
             self.refuse(str(reason))
-        return require(self.pool.and_(arithmetic.needed), result)
+        for cond, otherwise in arithmetic.needed:
+            self._doubt(cond, otherwise)
+        return require(self.pool.and_(cond for cond, _ in arithmetic.needed), result)
+
+    def _doubt(self, cond: Node, otherwise: str) -> None:
+        """Remember, for those who ask, why a scene is undecided in which `cond` does not hold."""
+        clause = self._clauses[-1]
+        self.doubts.setdefault(Doubt(clause.span if clause is not None else None, otherwise), []).append(cond)
 
     # ---------------------------------------------------------------- bodies
 

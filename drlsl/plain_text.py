@@ -1,0 +1,93 @@
+"""Text files and JSON, read strictly and written so that every reader takes them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from drlsl.errors import UserError
+from drlsl.logic.values import to_plain
+
+LARGEST_FILE: Final = 64 * 2**20
+"""Bytes of the largest file that is read as text: a device that never ends is refused after so many."""
+
+MOST_DIGITS: Final = 400
+"""Digits of the longest integer in JSON: no float is as large as one with more."""
+
+
+def read_text(path: str | Path, what: str = "") -> str:
+    """Read a file of UTF-8 text without its byte order mark; `what` says what it should be.
+
+    Raises:
+        UserError: It cannot be read, is too large, or is not UTF-8.
+    """
+    named = f"{what} {path}".strip()
+    try:
+        with open(path, "rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        raise UserError(f"cannot read {named}: {error.strerror}") from error
+    if len(data) > LARGEST_FILE:
+        raise UserError(f"cannot read {named}: it is larger than {LARGEST_FILE // 2**20} MiB")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        advice = "it looks like UTF-16; " if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ""
+        raise UserError(f"{path}: not UTF-8 text (byte {error.start}); {advice}save it as UTF-8") from error
+
+
+def parse_json(text: str, name: str) -> Any:
+    """Parse JSON text; `name` is what errors call it.
+
+    Raises:
+        UserError: It is not JSON, with line and column; or it holds a key twice, or an integer that no float
+            comes near, which readers of JSON take differently.
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_object, parse_int=_integer)
+    except json.JSONDecodeError as error:
+        raise UserError(f"{name}:{error.lineno}:{error.colno}: not JSON: {error.msg}") from error
+    except RecursionError as error:
+        raise UserError(f"{name}: nested too deeply") from error
+    except _Refused as error:
+        raise UserError(f"{name}: {error}") from error
+
+
+class _Refused(Exception):
+    """JSON that Python reads and that is refused all the same."""
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise _Refused(f"the key {json.dumps(twice)} is given {names.count(twice)} times; give it once")
+    return made
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise _Refused(f"an integer of {len(digits)} digits, which is out of any range")
+    return int(digits)
+
+
+def to_json(data: Any) -> str:
+    """Return data as JSON that every reader takes; what JSON lacks is text, as `to_plain` has it."""
+    return json.dumps(_plain(data), indent=2, allow_nan=False)
+
+
+def _plain(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {name: _plain(item) for name, item in data.items()}
+    if isinstance(data, list | tuple):
+        return [_plain(item) for item in data]
+    return data if data is None or isinstance(data, bool) else to_plain(data)
+
+
+def printable(text: str) -> str:
+    """Return text on one line, with control characters as escapes."""
+    if text.isprintable():
+        return text
+    return "".join(char if char.isprintable() else repr(char)[1:-1] for char in text)
