@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -38,6 +38,12 @@ def verify(
     time_limit: Annotated[
         float, typer.Option(min=0.1, help="Seconds for one property on one kind of road.")
     ] = 60.0,
+    attack: Annotated[
+        int | None,
+        typer.Option(
+            min=0, metavar="N", help="Scenes with which to attack what is proved, 0: none; default: 200000."
+        ),
+    ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
     out: Annotated[
         Path | None,
@@ -50,6 +56,7 @@ def verify(
 
     if find_spec("z3") is None:
         raise UserError("proofs need z3-solver: pip install 'drlsl[verify]'")
+    from drlsl.verify.attack import SCENES
     from drlsl.verify.report import Request
     from drlsl.verify.report import verify as run
 
@@ -62,6 +69,7 @@ def verify(
         only=tuple(only or ()),
         time_limit=time_limit,
         jobs=jobs or os.cpu_count() or 1,
+        attack=SCENES if attack is None else attack,
     )
     with _progress() as progress:
         report = run(request, progress)
@@ -101,6 +109,7 @@ def _as_json(report: Report, request: Request) -> dict[str, object]:
 
 def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
     """What a person reads."""
+    from drlsl.verify.prove import Status
     from drlsl.verify.ranges import NAMES
 
     for result in report.results:
@@ -108,11 +117,11 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
         yield f"         {result.text}"
         if result.reason:
             yield f"         because {result.reason}"
+        yield f"         {_attack_line(result)}"
         if result.counterexample is not None:
             yield from (f"         {line}" for line in _scene_lines(result, out))
     counts = {
-        status: sum(result.status == status for result in report.results)
-        for status in ("proved", "refuted", "unknown")
+        status: sum(result.status == status for result in report.results) for status in get_args(Status)
     }
     yield ""
     yield ", ".join(f"{count} {status}" for status, count in counts.items() if count)
@@ -120,6 +129,19 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
     names = {**NAMES, **report.unknowns}
     for name, (low, high) in report.ranges.items():
         yield f"  {names[name]:<34} {float(low):g} to {float(high):g}"
+
+
+def _attack_line(result: Result) -> str:
+    """How hard it was tried to break what is proved."""
+    attacked = result.attack
+    if attacked is None:
+        return "not attacked"
+    if attacked.reason:
+        return f"not attacked: {attacked.reason}"
+    line = f"attacked with {attacked.scenes:,} scenes: {attacked.near:,} reached the last goal of violates"
+    if attacked.undecided:
+        line += f", {attacked.undecided:,} undecided, of which {attacked.asked:,} asked of the interpreter"
+    return line + (f", {attacked.broken:,} broke it in floats" if attacked.broken else "")
 
 
 def _extent(result: Result) -> str:

@@ -23,7 +23,8 @@ from drlsl.verify.solver import Outcome, Solver
 from drlsl.verify.symbolic import SymbolicScene
 from drlsl.verify.values import Algebra
 
-Status: TypeAlias = Literal["proved", "refuted", "unknown"]
+Status: TypeAlias = Literal["proved", "proved in real arithmetic only", "refuted", "unknown"]
+"""Only in real arithmetic: a scene breaks the property by rounding."""
 
 Part: TypeAlias = Literal["broken", "error"]
 """What is wrong with a scene: it breaks the property, or the rules raise an error on the way."""

@@ -1,13 +1,20 @@
-"""A whole verification: every property in every case, on several processes, and what comes of it."""
+"""A whole verification: every property in every case, on several processes, and what comes of it.
+
+What is proved is attacked before it is reported.
+"""
 
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
+from drlsl.verify.attack import SCENES, SEED, Attack, Hit, Orders, attack
 from drlsl.verify.prove import Finding, Prover, Status, Task
 from drlsl.verify.ranges import Case, Range, all_cases
 from drlsl.verify.replay import Counterexample
@@ -21,7 +28,8 @@ _MOST_UNKNOWN: Final = 3
 class Request:
     """What is to be verified; no rules and no properties stand for the default ones.
 
-    `only` names properties, none for all; `time_limit` [s] is for one property in one case.
+    `only` names properties, none for all; `time_limit` [s] is for one property in one case. What is proved is
+    attacked with `attack` scenes, drawn by `seed`; with 0 it is not.
     """
 
     rules: tuple[Path, ...] = ()
@@ -31,6 +39,8 @@ class Request:
     time_limit: float = 60.0
     jobs: int = 1
     cases: tuple[Case, ...] = field(default_factory=lambda: tuple(all_cases()))
+    attack: int = SCENES
+    seed: int = SEED
 
 
 @dataclass(slots=True)
@@ -38,7 +48,9 @@ class Result:
     """What is known of one property.
 
     `enough`: with so many vehicles a proof holds for any number; None where that is not known. `seconds` of
-    all processes together.
+    all processes together. `attack` is what came of attacking it, None where it was not; `prover_error` says
+    that it was proved and is refuted by a scene. `amount` is by how much a scene breaks it that only rounding
+    makes possible.
     """
 
     name: str
@@ -51,6 +63,9 @@ class Result:
     case: Case | None = None
     counterexample: Counterexample | None = None
     unknown: int = 0
+    attack: Attack | None = None
+    prover_error: bool = False
+    amount: Fraction | None = None
 
     @property
     def for_any_number(self) -> bool:
@@ -69,6 +84,28 @@ class Result:
                 self.status, self.case = "unknown", finding.case
                 self.reason = f"{finding.reason} ({finding.case})"
 
+    def take_attack(self, attacked: Attack, margin: Fraction | None) -> None:
+        """Add what came of attacking it; `margin` is how near to their limits floats may judge otherwise."""
+        self.attack = attacked
+        self.seconds += attacked.seconds
+        hit = attacked.hit
+        if hit is None:
+            return
+        if hit.kind == "tiers":
+            self.status = "unknown"
+            self.reason = "the array tier and the interpreter do not agree on a scene: please report it"
+        elif hit.kind == "exact":
+            self.status, self.prover_error = "refuted", True
+            self.reason = (
+                "a scene breaks it although it was proved: this is an error of the prover, please report it"
+            )
+        elif hit.amount is None or margin is None or hit.amount > margin:
+            self.status, self.amount = "proved in real arithmetic only", hit.amount
+            self.reason = _rounds(hit)
+        else:
+            return
+        self.counterexample = hit.counterexample
+
     def as_json(self) -> dict[str, Any]:
         """The result as `--json` prints it."""
         return {
@@ -79,7 +116,19 @@ class Result:
             "seconds": round(self.seconds, 3),
             "reason": self.reason or None,
             "counterexample": None if self.counterexample is None else self.counterexample.as_json(),
+            "prover_error": self.prover_error,
+            "amount": None if self.amount is None else float(self.amount),
+            "attack": None if self.attack is None else self.attack.as_json(),
         }
+
+
+def _rounds(hit: Hit) -> str:
+    """Why a hit leaves a proof in real arithmetic."""
+    if hit.kind == "open":
+        return "a scene breaks it in floats, and exact arithmetic cannot judge that scene"
+    if hit.amount is None:
+        return "a scene breaks it in floats only"
+    return f"a scene breaks it in floats only: a comparison that lies {float(hit.amount):.3g} from its limit"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +145,7 @@ class Report:
 
 
 def verify(request: Request, progress: Callable[[int, int], None] = lambda _done, _all: None) -> Report:
-    """Prove or refute every property; `progress` is told how many of how many cases are done.
+    """Prove or refute every property; `progress` is told how many of how many steps are done.
 
     Raises:
         UserError: a file cannot be read, or there is no such property.
@@ -104,13 +153,19 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
     """
     prover = Prover.of(request.rules, request.properties, request.only)
     results = {one.name: one for one in _results(prover, request)}
-    agenda = _Agenda(request, results, prover)
-    for done, findings in enumerate(_findings(prover, request, agenda.next), start=1):
-        for finding in findings:
-            results[finding.property].take(finding)
-        progress(done, len(request.cases))
+    cases = len(request.cases)
+    with _crew(prover, request) as crew:
+        agenda = _Agenda(request, results, prover)
+        for done, findings in enumerate(crew(agenda.next), start=1):
+            for finding in findings:
+                results[finding.property].take(finding)
+            progress(done, cases + (len(results) if request.attack else 0))
+        raids = [raid for one in results.values() if (raid := _raid(one, request)) is not None]
+        for done, (name, attacked) in enumerate(crew(_one_by_one(raids)), start=cases + 1):
+            results[name].take_attack(attacked, None)
+            progress(done, cases + len(raids))
     book = prover.book
-    return Report(list(results.values()), book.ranges, len(request.cases), book.unknowns)
+    return Report(list(results.values()), book.ranges, cases, book.unknowns)
 
 
 def _results(prover: Prover, request: Request) -> Iterator[Result]:
@@ -143,20 +198,59 @@ class _Agenda:
         return Task(case, open_, self._request.vehicles, self._request.time_limit)
 
 
-def _findings(
-    prover: Prover, request: Request, next_task: Callable[[], Task | None]
-) -> Iterator[list[Finding]]:
-    """The findings of every task."""
+@dataclass(frozen=True, slots=True)
+class Raid:
+    """A property to be attacked."""
+
+    property: str
+    orders: Orders
+
+
+def _raid(result: Result, request: Request) -> Raid | None:
+    """How to attack what is proved; what holds for any number of vehicles with more than are enough."""
+    if result.status != "proved" or not request.attack or not request.cases:
+        return None
+    vehicles = request.vehicles
+    if result.for_any_number and result.enough is not None:
+        vehicles = max(vehicles, result.enough + 1)
+    return Raid(result.name, Orders(request.cases, vehicles, request.attack, request.seed))
+
+
+def _one_by_one(raids: Sequence[Raid]) -> Callable[[], Raid | None]:
+    left = iter(raids)
+    return lambda: next(left, None)
+
+
+Work: TypeAlias = "Task | Raid"
+_Crew: TypeAlias = "Callable[[Callable[[], Any]], Iterator[Any]]"
+"""Does what it is handed, piece by piece; yields findings, or the name of a property with its attack."""
+
+
+@contextmanager
+def _crew(prover: Prover, request: Request) -> Iterator[_Crew]:
+    """This process, or several."""
     if request.jobs == 1:
-        while (task := next_task()) is not None:
-            yield prover.run(task)
+        yield functools.partial(_alone, prover)
         return
     with Workers(request.jobs, _prepare, request.rules, request.properties, request.only) as workers:
-        yield from workers.results(next_task)
+        yield workers.results
 
 
-def _prepare(
-    rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str]
-) -> Callable[[Task], list[Finding]]:
-    """What a worker does with a task."""
-    return functools.partial(Prover.run, Prover.of(rules, properties, only))
+def _alone(prover: Prover, next_task: Callable[[], Work | None]) -> Iterator[Any]:
+    while (task := next_task()) is not None:
+        yield _do(prover, task)
+
+
+def _prepare(rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str]) -> Callable[[Work], Any]:
+    """What a worker does with a piece of work."""
+    return functools.partial(_do, Prover.of(rules, properties, only))
+
+
+def _do(prover: Prover, work: Work) -> list[Finding] | tuple[str, Attack]:
+    if isinstance(work, Task):
+        return prover.run(work)
+    started = time.perf_counter()
+    name = work.property
+    attacked = attack(prover.book, prover.property(name), work.orders, prover.replay(name))
+    attacked.seconds = time.perf_counter() - started
+    return name, attacked

@@ -45,7 +45,7 @@ SLIPS = {
 
 
 def statuses(rules: Path, *only: str, cases: tuple[Case, ...] = CASES) -> Mapping[str, str]:
-    request = Request((rules,), (PROPERTIES,), vehicles=3, only=only, cases=cases)
+    request = Request((rules,), (PROPERTIES,), vehicles=3, only=only, cases=cases, attack=2000)
     return {result.name: f"{result.status} {result.reason}".strip() for result in verify(request).results}
 
 

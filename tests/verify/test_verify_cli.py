@@ -37,6 +37,9 @@ def test_json(fast: str, capsys: pytest.CaptureFixture[str]) -> None:
         "seconds",
         "reason",
         "counterexample",
+        "prover_error",
+        "amount",
+        "attack",
     }
     assert (result["property"], result["status"], result["vehicles"]) == ("fast", "refuted", 1)
     assert abs(result["counterexample"]["scene"]["ego"]["vx_mps"]) > 30
@@ -77,4 +80,34 @@ def test_status_is_0_where_all_is_proved(tmp_path: Path, capsys: pytest.CaptureF
     path = tmp_path / "keep.pl"
     path.write_text("property(keep, 'keep'). violates(keep) :- \\+ safe_actions(lane_keeping).")
     assert run(["rules", "verify", "--property", str(path), "--vehicles", "0", "--jobs", "2"]) == 0
-    assert capsys.readouterr().out.startswith("proved   keep                     any number of vehicles")
+    printed = capsys.readouterr().out
+    assert printed.startswith("proved   keep                     any number of vehicles")
+    assert "attacked with 200,000 scenes: 200,000 reached the last goal of violates" in printed
+
+
+def test_what_rounding_breaks_is_proved_in_real_arithmetic_only(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "far.pl"
+    path.write_text(
+        "property(far, 'far'). "
+        "violates(far) :- vehicle(ego, _, _, _, V, _, _, _), V > 1.0, X is (V + 1.0e17) - 1.0e17, X =< 0.5."
+    )
+    arguments = ["rules", "verify", "--property", str(path), "--vehicles", "1", "--attack", "4000"]
+    found = []
+    for jobs in ("1", "2"):
+        assert run([*arguments, "--jobs", jobs, "--json"]) == 1
+        (result,) = json.loads(capsys.readouterr().out)["results"]
+        assert result["status"] == "proved in real arithmetic only"
+        assert result["amount"] > 0.5
+        assert result["counterexample"]["scene"]["ego"]["vx_mps"] != 0
+        assert not result["prover_error"]
+        assert result["attack"]["scenes"] == 4000
+        found.append((result["amount"], result["counterexample"], result["attack"]["broken"]))
+    assert found[0] == found[1]
+    assert run([*arguments, "--jobs", "1"]) == 1
+    printed = capsys.readouterr().out
+    assert "proved in real arithmetic only far" in printed
+    assert "because a scene breaks it in floats only: a comparison that lies " in " ".join(printed.split())
+    assert run([*arguments, "--jobs", "1", "--attack", "0"]) == 0
+    assert "not attacked" in capsys.readouterr().out
