@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Final, TypeAlias
+from typing import Final, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +75,8 @@ class Film:
 
     def part(self, begin: int, end: int) -> Film:
         """Some of the rows, not copied."""
+        if (begin, end) == (0, len(self)):
+            return self
         rows = slice(begin, end)
         return Film(
             self.numbers[:, rows], self.vehicle[rows], self.lane[rows], self.first[rows], self.valid[rows]
@@ -82,6 +84,10 @@ class Film:
 
     def __len__(self) -> int:
         return int(self.valid.shape[0])
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """The film itself: nobody writes to one that is driven in."""
+        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +100,10 @@ class Playback:
     lanes: tuple[Lane, ...]
     x_min: float
     x_max: float
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """The playback itself: nothing in it changes."""
+        return self
 
     @property
     def sign(self) -> int:
@@ -206,14 +216,16 @@ class Courses:
 class Playbacks:
     """Several playbacks, laid out in one film; `courses` has a value for each of them."""
 
+    def __deepcopy__(self, memo: object) -> Self:
+        """The playbacks themselves: nothing in them changes."""
+        return self
+
     def __init__(self, playbacks: Sequence[Playback]) -> None:
         films = list(dict.fromkeys(playback.film for playback in playbacks))
         self.film = Film.joined(films)
         begins = dict(zip(films, np.cumsum([0, *map(len, films)]).tolist(), strict=False))
-        self.all = tuple(
-            replace(one, film=self.film.part(begins[one.film], begins[one.film] + one.frames))
-            for one in playbacks
-        )
+        parts = {film: self.film.part(begins[film], begins[film] + len(film)) for film in films}
+        self.all = tuple(replace(one, film=parts[one.film]) for one in playbacks)
         self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
         lanes = max(len(one.lanes) for one in playbacks)
         lane_id = np.zeros((len(playbacks), lanes), dtype=np.int64)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeGuard
+from typing import TYPE_CHECKING, Any, Final, TypeGuard
 
 from drlsl.driving.actions import Action, action_of_atom
 from drlsl.driving.scene import SCHEMA, Road, Scene, road_facts, scene_facts
@@ -90,6 +90,17 @@ class Shield:
         self._entry_is_safe = engine.prepare("entry_is_safe")
         self._requested_tier = tier
         self._arrays: ArrayTier | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The engine and what is asked of it; the generated code of the tier is made again by a copy."""
+        with self.lock:
+            state = vars(self).copy()
+        del state["lock"]
+        return state | {"_road": None, "_arrays": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.lock = threading.RLock()
 
     @classmethod
     def default(cls, *, tier: str = "interpreter") -> Shield:

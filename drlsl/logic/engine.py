@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import io
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,6 +15,7 @@ from drlsl.logic import builtins
 from drlsl.logic.body import callable_parts
 from drlsl.logic.builtins import registry
 from drlsl.logic.builtins.database import name_term
+from drlsl.logic.carry import TermTable, get_clause, put_clause
 from drlsl.logic.consult import Loader, LoadWarning, read_source
 from drlsl.logic.errors import ExistenceError, existence_error
 from drlsl.logic.explanation import Explanation
@@ -114,10 +117,72 @@ class Engine:
         self.globals: dict[str, Term] = {}
         self.state: dict[str, Any] = {}
         self.output: TextIO = sys.stdout if output is None else output
+        self._standard_output = self.output if output is None else None
         self.warnings: list[LoadWarning] = []
         self.loaded: set[Path] = set()
         self.alone = OneThread()
         """Keeps other threads out while it is held, for several calls that belong together."""
+
+    # ------------------------------------------------------------------ copying
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All that answers depend on, as flat data: the program as it now is, flags, operators, globals.
+
+        Compiled code is left out, to be made again. Queries under way stay with this engine; what b_setval/2
+        set in them is carried as it is now.
+
+        Raises:
+            EngineBusyError: another thread is at work with the engine.
+        """
+        with self.alone:
+            table = TermTable()
+            clauses = {
+                key: (kept if kept is None else [put_clause(clause, table) for clause in kept], *rest)
+                for key, (kept, *rest) in self.program.snapshot().items()
+            }
+            values = {name: table.put(value) for name, value in self.globals.items()}
+            known = {name: value for name, value in self.state.items() if name not in ("line", "input")}
+            stream, pending = self.state.get("line", (None, ""))
+            own = {"linker", "program", "alone", "_standard_output", "globals", "state", "output"}
+            return {
+                "plain": {name: value for name, value in vars(self).items() if name not in own},
+                "terms": table.items,
+                "clauses": clauses,
+                "globals": values,
+                "state": known,
+                "output": None if self.output is self._standard_output else self.output,
+                "pending": pending if stream is self.output else "",
+            }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be the engine that `__getstate__` was asked of, with clauses of its own."""
+        vars(self).update(state["plain"])
+        table = TermTable(state["terms"])
+        self.alone = OneThread()
+        self.linker = Linker()
+        self.program = self.linker.program
+        for name, arity in state["clauses"]:
+            self.program.get(name, arity)
+        self.program.restore(
+            {
+                key: (kept if kept is None else [get_clause(clause, table) for clause in kept], *rest)
+                for key, (kept, *rest) in state["clauses"].items()
+            }
+        )
+        self.globals = {name: table.get(place) for name, place in state["globals"].items()}
+        self.output = sys.stdout if state["output"] is None else state["output"]
+        self._standard_output = self.output if state["output"] is None else None
+        self.state = {**state["state"], "line": (self.output, state["pending"])}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Engine:
+        """An independent engine that answers alike; a file that it writes to stays the same file."""
+        state = self.__getstate__()
+        if isinstance(self.output, io.StringIO):
+            state["output"] = copy.deepcopy(self.output, memo)
+        state["plain"], state["state"] = copy.deepcopy((state["plain"], state["state"]), memo)
+        twin = memo[id(self)] = object.__new__(type(self))
+        twin.__setstate__(state)
+        return twin
 
     # ------------------------------------------------------------------ loading
 
@@ -274,7 +339,7 @@ def _prove(machine: Machine, task: Task) -> Task:
 class Query:
     """A goal of one engine, made ready to be asked."""
 
-    __slots__ = ("_clause", "_engine", "_names", "_predicate", "_variables")
+    __slots__ = ("_engine", "_names", "_predicate", "_variables")
 
     def __init__(self, engine: Engine, goal: Term, variables: Mapping[str, Var]) -> None:
         callable_parts(goal)
@@ -285,6 +350,14 @@ class Query:
         head: Term = Struct("$query", self._variables) if shown else Atom("$query")
         self._predicate = Predicate(engine.program, "$query", len(shown))
         self._predicate.append(Clause(head, goal))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The engine and the goal; a copy asks the engine's copy."""
+        clause = self._predicate.clauses[0]
+        table = TermTable()
+        goal = table.put(clause.body)
+        variables = {name: table.put(one) for name, one in zip(self._names, self._variables, strict=True)}
+        return _query, (self._engine, table.items, goal, variables)
 
     def solutions(self, limits: Limits | None = None) -> Iterator[Solution]:
         """The solutions, one by one."""
@@ -330,6 +403,12 @@ class Query:
         # Of variables that are bound to each other, the first gives its name to all.
         names = {deref(arg): name for arg, name in zip(reversed(args), reversed(self._names), strict=True)}
         return Solution({name: to_value(arg, names) for name, arg in zip(self._names, args, strict=True)})
+
+
+def _query(engine: Engine, terms: list[tuple[Any, ...]], goal: int, variables: Mapping[str, int]) -> Query:
+    """The query that `Query.__reduce__` told of."""
+    table = TermTable(terms)
+    return Query(engine, table.get(goal), {name: table.get(place) for name, place in variables.items()})
 
 
 assert builtins.__all__  # importing the package is what fills the registry
