@@ -152,13 +152,33 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
                 if not steps:
                     patience = patience or _Patience()
                     steps = patience.check(left, right)
-                if left_args is not right_args:
-                    for index in range(len(left_args) - 1, 0, -1):
-                        todo.append(left_args[index])
-                        todo.append(right_args[index])
-                    left = left_args[0]
-                    right = right_args[0]
-                    continue
+                # What can be settled at once is; only pairs of compound terms wait.
+                for one, other in zip(left_args, right_args):  # noqa: B905  (the lengths are equal)
+                    if one is other:
+                        continue
+                    while type(one) is Var:
+                        ref = one.ref
+                        if ref is None:
+                            break
+                        one = ref
+                    while type(other) is Var:
+                        ref = other.ref
+                        if ref is None:
+                            break
+                        other = ref
+                    if one is other:
+                        continue
+                    if type(one) is Var:
+                        one.ref = other
+                        trail.append(one)
+                    elif type(other) is Var:
+                        other.ref = one
+                        trail.append(other)
+                    elif type(one) is Struct:
+                        todo.append(one)
+                        todo.append(other)
+                    elif type(one) is not type(other) or one != other:
+                        return False
             elif type(left) is not type(right) or left != right:
                 return False
         if not todo:

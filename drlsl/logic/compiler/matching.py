@@ -15,10 +15,7 @@ Fail = Callable[[], None]
 
 def emit_deref(function: Function, name: str) -> None:
     """Dereference a local in place."""
-    function.emit(f"while type({name}) is Var:")
-    function.emit(f" r = {name}.ref")
-    function.emit(" if r is None: break")
-    function.emit(f" {name} = r")
+    function.emit(f"while type({name}) is Var and (r := {name}.ref) is not None: {name} = r")
 
 
 def emit_match(function: Function, scope: Scope, pattern: Term, name: str, fail: Fail) -> None:

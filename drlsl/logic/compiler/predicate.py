@@ -88,6 +88,8 @@ class _PredicateCompiler:
             function.emit("h = len(choices)")
         function.emit("while alts:")
         function.indent += 1
+        # What a clause that failed has bound; after the last one, backtracking undoes it.
+        function.emit("if len(trail) > mark: undo(trail, mark)")
         function.emit("i, alts = alts")
         for number in range(len(self._clauses)):
             function.emit(f"{'if' if number == 0 else 'elif'} i == {number}:")
@@ -203,7 +205,6 @@ class _PredicateCompiler:
         function.about(clause.head, clause, scope)
 
         def next_clause() -> None:
-            function.emit("if len(trail) > mark: undo(trail, mark)")
             function.emit("continue")
 
         def leave_choice() -> None:
