@@ -1,13 +1,13 @@
 """What the plain solver runs: a clause as patterns for its head and a graph of nodes for its body.
 
-A frame is a list: the height of the choice points to cut back to, the continuation, then a slot for each
-variable of the clause (None until its first occurrence) and one for each inner barrier of its control
-constructs.
+A frame is a list: the height of the choice points to cut back to, the continuation, the arguments of the call,
+then a slot for each other variable of the clause (None until its first occurrence) and one for each inner
+barrier of its control constructs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -82,7 +82,7 @@ FAIL_NODE: Final = Node(FAIL)
 
 
 class Code:
-    """A clause made ready: how many blanks its frame needs, its head's patterns by argument, its body."""
+    """A clause made ready: the blanks behind the arguments in its frame, its head's patterns, its body."""
 
     __slots__ = ("blanks", "body", "head")
 
@@ -137,30 +137,56 @@ def _build_deep(pattern: Pattern, frame: list[Any]) -> Struct:
 
 
 class Slots:
-    """Which slot of the frame each variable of a clause has, and how often it occurs there."""
+    """Which slot of the frame each variable of a clause has.
 
-    __slots__ = ("uses", "variables")
+    The arguments of a call lie in the frame's first slots, so a variable that is one needs no other.
+    """
 
-    def __init__(self) -> None:
-        self.variables: dict[Var, int] = {}
-        self.uses: list[int] = []
+    __slots__ = ("_locals", "_reusable", "_reuser", "size")
 
-    def __len__(self) -> int:
-        return len(self.uses)
+    def __init__(self, args: Sequence[Term]) -> None:
+        self.size = len(args)
+        self._locals: dict[Var, Local] = {}
+        self._reusable = 0
+        self._reuser: Var | None = None
+        for position, arg in enumerate(args):
+            arg = deref(arg)
+            if type(arg) is Var and arg not in self._locals:
+                self._locals[arg] = Local(FIRST_SLOT + position)
+
+    def is_argument(self, variable: Var, position: int) -> bool:
+        """Whether a variable's slot is that of the argument at a position."""
+        return self._locals[variable].index == FIRST_SLOT + position
+
+    def reuse(self, position: int) -> None:
+        """Let the slot of an argument go to the next variable that occurs for the first time in the head."""
+        self._reusable = FIRST_SLOT + position
+        self._reuser = None
+
+    def undo_reuse(self) -> None:
+        """Have the slot of an argument hold that and nothing else: its pattern is not matched part by part."""
+        self._reusable = 0
+        if self._reuser is not None:
+            del self._locals[self._reuser]
 
     def local(self, variable: Var) -> Local:
-        """One more occurrence of a variable."""
-        number = self.variables.get(variable)
-        if number is None:
-            self.variables[variable] = number = len(self.uses)
-            self.uses.append(1)
-        else:
-            self.uses[number] += 1
-        return Local(number + FIRST_SLOT)
+        """A variable where it may have occurred before."""
+        local = self._locals.get(variable)
+        if local is None:
+            local = self._locals[variable] = Local(FIRST_SLOT + self.size)
+            self.size += 1
+        return local
 
     def first(self, variable: Var) -> Local:
-        """One more occurrence of a variable, a `First` if it is the first."""
-        return self.local(variable) if variable in self.variables else First(self.local(variable).index)
+        """A variable in the head; a `First` where it occurs for the first time."""
+        local = self._locals.get(variable)
+        if local is not None:
+            return local
+        if self._reusable:
+            self._locals[variable] = Local(self._reusable)
+            self._reusable = 0
+            self._reuser = variable
+        return First(self.local(variable).index)
 
 
 class _TooDeep(Exception):
@@ -177,6 +203,8 @@ def make_pattern(term: Term, slots: Slots, local: Callable[[Var], Local] | None 
     try:
         return _compound_pattern(term, local or slots.local, _DEEPEST_PATTERN)
     except _TooDeep:
+        if local is not None:
+            slots.undo_reuse()
         return _deep_pattern(term, slots)
 
 
@@ -262,7 +290,7 @@ class BodyCompiler:
 
     def frame_size(self) -> int:
         """How many slots a frame needs behind the continuation; final once everything is compiled."""
-        return len(self._slots or ()) + self.barriers
+        return (0 if self._slots is None else self._slots.size) + self.barriers
 
     def _barrier(self) -> int:
         # Barriers lie behind the variables, whose number is only known at the end: count them down from -1.
@@ -439,16 +467,16 @@ def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:
 
 def compile_clause(clause: Clause, link: Callable[[Node, str, int], None]) -> Code:
     """Make a clause ready to be run."""
-    slots = Slots()
-    patterns = [make_pattern(arg, slots, slots.first) for arg in clause.args]
+    args = clause.args
+    slots = Slots(args)
+    head: list[tuple[int, Any]] = []
+    for position, arg in enumerate(args):
+        arg = deref(arg)
+        if type(arg) is Var and slots.is_argument(arg, position):
+            continue
+        if type(arg) is Struct:
+            slots.reuse(position)
+        head.append((position, make_pattern(arg, slots, slots.first)))
     compiler = BodyCompiler(link, slots, clause)
     body = compiler.compile(clause.body)
-    uses = slots.uses
-    head = tuple(
-        [
-            (position, pattern)
-            for position, pattern in enumerate(patterns)
-            if type(pattern) is not First or uses[pattern.index - FIRST_SLOT] > 1
-        ]
-    )
-    return Code(head, [None] * compiler.frame_size(), body)
+    return Code(tuple(head), [None] * (compiler.frame_size() - len(args)), body)

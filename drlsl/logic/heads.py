@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from drlsl.logic.body import DeepPattern, First, Local, Pattern, build
-from drlsl.logic.terms import Struct, Term, Var, deref
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import unify
 
 
@@ -76,12 +76,17 @@ def match(pattern: Pattern, term: Term, frame: list[Any], trail: list[Any]) -> b
                         break
                     arg = ref
                 frame[part.index] = arg
-            elif kind is Local:
-                if not unify(frame[part.index], arg, trail):
-                    return False
             elif kind is Pattern:
                 if not match(part, arg, frame, trail):
                     return False
-            elif arg is not part and not unify(part, arg, trail):
-                return False
+            elif kind is Local:
+                known = frame[part.index]
+                if known is not arg and not unify(known, arg, trail):
+                    return False
+            elif arg is not part:
+                if type(arg) is Var and arg.ref is None:
+                    arg.ref = part
+                    trail.append(arg)
+                elif (kind is Atom and type(arg) is Atom) or not unify(part, arg, trail):
+                    return False
         return True

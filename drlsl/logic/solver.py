@@ -33,7 +33,6 @@ from drlsl.logic.body import (
     SOFT_CUT,
     BodyCompiler,
     DeepPattern,
-    First,
     Local,
     Node,
     Pattern,
@@ -469,13 +468,11 @@ def try_clauses(
         code = clause.code
         if code is None:
             code = clause.code = compile_clause(clause, clause.predicate.program.link)
-        frame = [height, continuation, *code.blanks]
+        frame = [height, continuation, *args, *code.blanks]
         for position, pattern in code.head:
             arg = args[position]
             kind = type(pattern)
-            if kind is First:
-                frame[pattern.index] = arg
-            elif kind is Pattern:
+            if kind is Pattern:
                 if type(arg) is Var and arg.ref is None:
                     arg.ref = build(pattern, frame)
                     trail.append(arg)

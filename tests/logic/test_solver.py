@@ -229,3 +229,18 @@ def test_interrupt_leaves_the_engine_usable(engine: Engine) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
     assert values(engine, "a(X)") == [1, 2, 3]
+
+
+def test_deep_heads_bind_their_variables() -> None:
+    """Heads too deep to be walked by recursion: lists of more items than that, and terms nested so."""
+    items = ", ".join(f"X{number}" for number in range(90))
+    nested = "s(" * 90 + "X" + ")" * 90
+    engine = Engine(compiled=False)
+    engine.consult_text(f"all([{items}], X0, X89).\ninner({nested}, X).\nouter(p(X, {nested}), X).\n")
+    values = ", ".join(str(number) for number in range(90))
+    assert [dict(s) for s in engine.query(f"all([{values}], F, L)")] == [{"F": 0, "L": 89}]
+    assert engine.holds("all(Xs, f, l), length(Xs, 90), nth0(0, Xs, f), nth0(89, Xs, l)")
+    assert engine.holds(f"inner({nested.replace('X', 'v')}, V), V == v")
+    assert engine.holds(f"inner(T, v), T == {nested.replace('X', 'v')}")
+    assert engine.holds(f"outer(p(V, T), v), V == v, T == {nested.replace('X', 'v')}")
+    assert not engine.holds(f"outer(p(w, {nested.replace('X', 'v')}), _)")
