@@ -40,6 +40,7 @@ from drlsl.logic.body import (
     compile_clause,
 )
 from drlsl.logic.body import FAIL as FAIL_OP
+from drlsl.logic.builtins.registry import QUICK
 from drlsl.logic.errors import PrologError, resource_error
 from drlsl.logic.heads import arguments, match, match_row
 from drlsl.logic.limits import LimitExceeded as LimitExceeded
@@ -575,6 +576,11 @@ def _call_builtin(machine: Machine, node: Node, frame: list[Any]) -> Task:
     if node.op == CONTROL:
         following: Task = node.function(machine, args, continuation)
         return following
+    quick = QUICK.get(node.function)
+    if quick is not None:
+        settled = quick(machine, *args)
+        if settled is not None:
+            return continuation if settled else FAIL
     return start_generator(machine, node.function(machine, *args), continuation)
 
 

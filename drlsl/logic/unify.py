@@ -120,66 +120,72 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
     Raises:
         RepresentationError: A cyclic term, which unification without the occurs check may have made, is met.
     """
-    todo: list[Term] = []
+    while type(left) is Var:
+        ref = left.ref
+        if ref is None:
+            break
+        left = ref
+    while type(right) is Var:
+        ref = right.ref
+        if ref is None:
+            break
+        right = ref
+    if left is right:
+        return True
+    if type(left) is Var:
+        left.ref = right
+        trail.append(left)
+        return True
+    if type(right) is Var:
+        right.ref = left
+        trail.append(right)
+        return True
+    if type(left) is Struct:
+        return type(right) is Struct and _unify_compounds(left, right, trail)
+    return type(left) is type(right) and left == right
+
+
+def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
+    """Unify compound terms: what can be settled at once is, only pairs of compound terms wait."""
+    todo: list[Struct] = []
     steps = _LONG_WALK
     patience = None
     while True:
-        while type(left) is Var:
-            ref = left.ref
-            if ref is None:
-                break
-            left = ref
-        while type(right) is Var:
-            ref = right.ref
-            if ref is None:
-                break
-            right = ref
-        if left is not right:
-            if type(left) is Var:
-                left.ref = right
-                trail.append(left)
-            elif type(right) is Var:
-                right.ref = left
-                trail.append(right)
-            elif type(left) is Struct:
-                if type(right) is not Struct or left.name != right.name:
+        left_args = left.args
+        right_args = right.args
+        if left.name != right.name or len(left_args) != len(right_args):
+            return False
+        steps -= 1
+        if not steps:
+            patience = patience or _Patience()
+            steps = patience.check(left, right)
+        for one, other in zip(left_args, right_args):  # noqa: B905  (the lengths are equal)
+            if one is other:
+                continue
+            while type(one) is Var:
+                ref = one.ref
+                if ref is None:
+                    break
+                one = ref
+            while type(other) is Var:
+                ref = other.ref
+                if ref is None:
+                    break
+                other = ref
+            if one is other:
+                continue
+            if type(one) is Var:
+                one.ref = other
+                trail.append(one)
+            elif type(other) is Var:
+                other.ref = one
+                trail.append(other)
+            elif type(one) is Struct:
+                if type(other) is not Struct:
                     return False
-                left_args = left.args
-                right_args = right.args
-                if len(left_args) != len(right_args):
-                    return False
-                steps -= 1
-                if not steps:
-                    patience = patience or _Patience()
-                    steps = patience.check(left, right)
-                # What can be settled at once is; only pairs of compound terms wait.
-                for one, other in zip(left_args, right_args):  # noqa: B905  (the lengths are equal)
-                    if one is other:
-                        continue
-                    while type(one) is Var:
-                        ref = one.ref
-                        if ref is None:
-                            break
-                        one = ref
-                    while type(other) is Var:
-                        ref = other.ref
-                        if ref is None:
-                            break
-                        other = ref
-                    if one is other:
-                        continue
-                    if type(one) is Var:
-                        one.ref = other
-                        trail.append(one)
-                    elif type(other) is Var:
-                        other.ref = one
-                        trail.append(other)
-                    elif type(one) is Struct:
-                        todo.append(one)
-                        todo.append(other)
-                    elif type(one) is not type(other) or one != other:
-                        return False
-            elif type(left) is not type(right) or left != right:
+                todo.append(one)
+                todo.append(other)
+            elif type(one) is not type(other) or one != other:
                 return False
         if not todo:
             return True

@@ -37,6 +37,8 @@ class Machine(Protocol):
         """What modules of builtins must remember for each engine: open streams, random generators."""
 
     output: TextIO
+    trail: list[Any]
+    """What backtracking has to undo: each variable that was bound."""
 
     def unify(self, left: Term, right: Term) -> bool:
         """Make two terms equal, remembering each binding on the trail; True when that is possible."""
@@ -49,6 +51,7 @@ Det: TypeAlias = Callable[..., bool]
 Nondet: TypeAlias = Callable[..., Iterator[bool | None]]
 _D = TypeVar("_D", bound=Det)
 _N = TypeVar("_N", bound=Nondet)
+_Q = TypeVar("_Q", bound=Callable[..., bool | None])
 # A control construct: a function of the machine, the arguments and the continuation that returns the next
 # task.
 Control: TypeAlias = Callable[[Any, Any, Any], Any]
@@ -59,6 +62,8 @@ Indicator: TypeAlias = tuple[str, int]
 DET: dict[Indicator, Det] = {}
 NONDET: dict[Indicator, Nondet] = {}
 CONTROL: dict[Indicator, Control] = {}
+# Of some nondeterministic builtins: what settles the usual calls, those with one solution at most.
+QUICK: dict[Nondet, Callable[..., bool | None]] = {}
 
 
 def det(name: str, arity: int) -> Callable[[_D], _D]:
@@ -83,6 +88,19 @@ def nondet(name: str, arity: int) -> Callable[[_N], _N]:
 
     def register(function: _N) -> _N:
         NONDET[name, arity] = function
+        return function
+
+    return register
+
+
+def quick(nondeterministic: Nondet) -> Callable[[_Q], _Q]:
+    """Declare what is asked before a nondeterministic builtin, with the same arguments.
+
+    It returns True or False where that is all there is to it, and None where the builtin itself must be asked.
+    """
+
+    def register(function: _Q) -> _Q:
+        QUICK[nondeterministic] = function
         return function
 
     return register

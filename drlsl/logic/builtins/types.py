@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, not_negative, prefix
-from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.builtins.registry import Machine, det, nondet, quick
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 from drlsl.logic.unify import copy_term, is_ground, subsumes, term_variables
@@ -90,6 +90,22 @@ def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[b
         return
     if 1 <= not_negative(position) <= len(args) and machine.unify(args[integer(position) - 1], value):
         yield True
+
+
+@quick(arg)
+def _arg_at(machine: Machine, position: Term, term: Term, value: Term) -> bool | None:
+    """The argument at a known position."""
+    position, term = deref(position), deref(term)
+    if type(position) is not int or type(term) is not Struct or position < 0:
+        return None
+    if not 0 < position <= len(term.args):
+        return False
+    found = term.args[position - 1]
+    if type(value) is Var and value.ref is None and type(found) is not Var:
+        value.ref = found
+        machine.trail.append(value)
+        return True
+    return machine.unify(found, value)
 
 
 @det("=..", 2)

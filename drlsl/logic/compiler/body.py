@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from drlsl.logic.body import CALL, CONTROL, DET, check_body
+from drlsl.logic.builtins.registry import QUICK
 from drlsl.logic.compiler.matching import emit_deref, emit_unify
 from drlsl.logic.compiler.numbers import COMPARISONS, emit_comparison, emit_is
 from drlsl.logic.compiler.rows import emit_row_match
@@ -191,8 +192,21 @@ class BodyEmitter:
         elif op == CONTROL:
             function.emit(f"return {namespace.name('F', target)}(m, ({', '.join([*parts, ''])}), {k})")
         else:
+            if target in QUICK:
+                parts = self._settle_quickly(function, QUICK[target], parts, k)
             arguments = ", ".join(["m", *parts])
             function.emit(f"return start_generator(m, {namespace.name('F', target)}({arguments}), {k})")
+
+    def _settle_quickly(self, function: Function, quick: Any, parts: Sequence[str], k: str) -> list[str]:
+        """Ask first what settles most calls of a nondeterministic builtin; returns its arguments as locals."""
+        names = [function.local() for _ in parts]
+        function.emit(f"{', '.join([*names, ''])} = {', '.join([*parts, ''])}")
+        settled = function.local("b")
+        arguments = ", ".join(["m", *names])
+        function.emit(f"{settled} = {self._module.namespace.name('Q', quick)}({arguments})")
+        function.emit(f"if {settled}: return {k}")
+        function.emit(f"if {settled} is False: return FAIL")
+        return names
 
     def _call_rows(
         self, place: Place, name: str, args: Sequence[Term], rest: list[Term], target: Any
