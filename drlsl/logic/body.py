@@ -1,8 +1,8 @@
 """What the plain solver runs: a clause as patterns for its head and a graph of nodes for its body.
 
-A frame is a list: the height of the choice points to cut back to, the continuation, the arguments of the call,
-then a slot for each other variable of the clause (None until its first occurrence) and one for each inner
-barrier of its control constructs.
+A frame is a list: the height of the choice points to cut back to, the continuation, the arguments of the
+call, then a slot for each other variable of the clause (None until its first occurrence) and one for each
+inner barrier of its control constructs.
 """
 
 from __future__ import annotations
@@ -82,14 +82,29 @@ FAIL_NODE: Final = Node(FAIL)
 
 
 class Code:
-    """A clause made ready: the blanks behind the arguments in its frame, its head's patterns, its body."""
+    """A clause made ready.
 
-    __slots__ = ("blanks", "body", "head")
+    Attributes:
+        head: the patterns of the head, each with the position of its argument.
+        blanks: what a frame holds behind the arguments.
+        guard: the deterministic builtins that the body begins with, run before the other clauses are left
+            as a choice.
+        commits: whether a cut follows them.
+        body: what follows.
+    """
+
+    __slots__ = ("blanks", "body", "commits", "guard", "head")
 
     def __init__(self, head: tuple[tuple[int, Any], ...], blanks: list[None], body: Node) -> None:
         self.head = head
         self.blanks = blanks
-        self.body = body
+        guard = []
+        while body.op == DET or body.op == IN_PLACE:
+            guard.append(body)
+            body = body.next
+        self.guard = tuple(guard)
+        self.commits = body.op == CUT and body.slot == HEIGHT and body.target == 0
+        self.body: Node = body.next if self.commits else body
 
 
 def build(pattern: Pattern, frame: list[Any]) -> Struct:
@@ -164,7 +179,7 @@ class Slots:
         self._reuser = None
 
     def undo_reuse(self) -> None:
-        """Have the slot of an argument hold that and nothing else: its pattern is not matched part by part."""
+        """Leave the slot to the argument after all: its pattern is not matched part by part."""
         self._reusable = 0
         if self._reuser is not None:
             del self._locals[self._reuser]

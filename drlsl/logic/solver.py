@@ -491,12 +491,30 @@ def try_clauses(
                 elif (kind is Atom and type(arg) is Atom) or not unify(pattern, arg, trail):
                     break
         else:
-            if index < end:
-                choices.append((other_clauses, mark, candidates, index, end, generation, args, continuation))
-            return run, code.body, frame
+            if not code.guard or passes(machine, code.guard, frame):
+                if index < end and not code.commits:
+                    choices.append(
+                        (other_clauses, mark, candidates, index, end, generation, args, continuation)
+                    )
+                return run, code.body, frame
         if len(trail) > mark:
             undo(trail, mark)
     return FAIL
+
+
+def passes(machine: Machine, guard: Sequence[Node], frame: list[Any]) -> bool:
+    """Whether the goals that a clause begins with hold, all of them deterministic builtins."""
+    for node in guard:
+        try:
+            if node.op == IN_PLACE:
+                if not node.function(machine, node.args, frame):
+                    return False
+            elif not node.function(machine, *arguments(node.args, frame)):
+                return False
+        except PrologError as error:
+            _add_goal(error, node, frame)
+            raise
+    return True
 
 
 # ---------------------------------------------------------------------- the loop
@@ -559,11 +577,16 @@ def run(machine: Machine, task: Task) -> Task:
             node = following[1]
             frame = following[2]
     except PrologError as error:
-        if error.goal is None and node.name:
-            args = arguments(node.args, frame)
-            error.goal = Struct(node.name, tuple(args)) if args else Atom(node.name)
-            error.clause = _place(node.clause)
+        _add_goal(error, node, frame)
         raise
+
+
+def _add_goal(error: PrologError, node: Node, frame: list[Any]) -> None:
+    """Say which goal an error arose in, and in which clause, unless that is known already."""
+    if error.goal is None and node.name:
+        args = arguments(node.args, frame)
+        error.goal = Struct(node.name, tuple(args)) if args else Atom(node.name)
+        error.clause = _place(node.clause)
 
 
 def _call_builtin(machine: Machine, node: Node, frame: list[Any]) -> Task:

@@ -96,7 +96,7 @@ def nondet(name: str, arity: int) -> Callable[[_N], _N]:
 def quick(nondeterministic: Nondet) -> Callable[[_Q], _Q]:
     """Declare what is asked before a nondeterministic builtin, with the same arguments.
 
-    It returns True or False where that is all there is to it, and None where the builtin itself must be asked.
+    It returns True or False where that is all there is to it, and None where the builtin is to be asked.
     """
 
     def register(function: _Q) -> _Q:

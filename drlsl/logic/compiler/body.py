@@ -198,7 +198,7 @@ class BodyEmitter:
             function.emit(f"return start_generator(m, {namespace.name('F', target)}({arguments}), {k})")
 
     def _settle_quickly(self, function: Function, quick: Any, parts: Sequence[str], k: str) -> list[str]:
-        """Ask first what settles most calls of a nondeterministic builtin; returns its arguments as locals."""
+        """Ask first what settles most calls of a builtin; returns its arguments as locals."""
         names = [function.local() for _ in parts]
         function.emit(f"{', '.join([*names, ''])} = {', '.join([*parts, ''])}")
         settled = function.local("b")
