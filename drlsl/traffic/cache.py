@@ -11,20 +11,25 @@ import tempfile
 import warnings
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.sources import Source
 
-LOADER_VERSION = 2
+LOADER_VERSION = 3
 """Raise this whenever a loader would read the same files differently, or the layout below changes."""
 
 SAMPLE = 1 << 16
 """Bytes at either end of a file that go into its fingerprint, besides its size and time of change."""
+
+SUM = 8
+"""Bytes of the checksum, which stands first."""
+
+PIECE = 1 << 24
+"""Bytes that are summed up at once."""
 
 BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
 """What reading a damaged cache file raises."""
@@ -50,14 +55,17 @@ def read_cached(source: Source) -> Recording | None:
     path = _cache_file(source)
     try:
         with open(path, "rb") as file:
-            checksum, text = (np.load(file, allow_pickle=False) for _ in range(2))
-            facts = json.loads(str(text))
+            known = file.read(SUM)
+            if known.startswith(np.lib.format.MAGIC_PREFIX):
+                return None  # of a version that kept its checksum elsewhere
+            # Before anything is made of it: what the arrays mean stands in the file too.
+            if known != _checksum(file):
+                raise ValueError("the checksum is wrong")
+            file.seek(SUM)
+            facts = json.loads(str(np.load(file, allow_pickle=False)))
             if facts["fingerprint"] != _fingerprint(source):
                 return None
-            arrays = {name: np.load(file, allow_pickle=False) for name in EMPTY_SLOT}
-        if int(checksum) != _checksum(text, *arrays.values()):
-            raise ValueError("the checksum is wrong")
-        return _recording(facts, arrays)
+            return _recording(facts, {name: np.load(file, allow_pickle=False) for name in EMPTY_SLOT})
     except (FileNotFoundError, NotADirectoryError):
         return None
     except BROKEN as error:
@@ -87,8 +95,13 @@ def write_cached(source: Source, recording: Recording) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
             try:
-                for array in (np.uint64(_checksum(*arrays)), *arrays):
+                file.write(bytes(SUM))
+                for array in arrays:
                     np.save(file, array)
+                file.seek(SUM)
+                checksum = _checksum(file)
+                file.seek(0)
+                file.write(checksum)
                 file.close()
                 os.replace(file.name, path)
             except BaseException:
@@ -99,14 +112,13 @@ def write_cached(source: Source, recording: Recording) -> None:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
 
 
-def _checksum(*arrays: npt.NDArray[Any]) -> int:
-    """Sum of all words of 64 bits, to notice accidents; zlib.crc32 would take longer than the loading."""
+def _checksum(file: IO[bytes]) -> bytes:
+    """Sum of all words of 64 bits that follow, to notice accidents; CRC-32 would take longer than loading."""
     total = 0
-    for array in arrays:
-        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
-        whole = len(data) // 8 * 8
-        total += int(np.add.reduce(data[:whole].view(np.uint64))) + int(data[whole:].sum(dtype=np.uint64))
-    return total % 2**64
+    while piece := file.read(PIECE):
+        words = np.frombuffer(piece.ljust(-(-len(piece) // SUM) * SUM, b"\0"), dtype="<u8")
+        total += int(np.add.reduce(words))
+    return (total % 2**64).to_bytes(SUM, "little")
 
 
 def _recording(facts: dict[str, Any], arrays: dict[str, Any]) -> Recording:

@@ -384,11 +384,17 @@ def run_small(folder: Path) -> tuple[int, str]:
 def test_machine_code_is_kept_and_a_damaged_copy_made_anew(tmp_path: Path) -> None:
     assert run_small(tmp_path / "rules") == (0, "")
     assert run_small(tmp_path / "rules") == (1, "")
-    for path in (tmp_path / "rules").rglob("*.nb*"):
-        path.write_bytes(b"nonsense")
-    hits, logged = run_small(tmp_path / "rules")
-    assert hits == 0
-    assert "cannot be kept" in logged
+    kept = [path for path in (tmp_path / "rules").rglob("*") if path.suffix in (".nbi", ".nbc")]
+    assert {path.suffix for path in kept} == {".nbi", ".nbc"}
+    for path in kept:
+        content = bytearray(path.read_bytes())
+        # One bit in the middle: in the code itself, it would be run.
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+        hits, logged = run_small(tmp_path / "rules")
+        assert hits == 0
+        assert f"{path}: damaged machine code of rules, made anew" in logged
+        assert run_small(tmp_path / "rules") == (1, "")
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import random
+import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +15,10 @@ import pytest
 
 import drlsl.traffic.cache
 import drlsl.traffic.load
+from drlsl.traffic.cache import read_cached
 from drlsl.traffic.load import load_recording
 from drlsl.traffic.recording import Recording
+from drlsl.traffic.sources import find_source
 from tests.traffic.writing import Row, write_highd, write_ngsim_csv
 
 ROWS = [
@@ -116,9 +121,11 @@ def damage(path: Path, how: str) -> None:
         path.write_text("not an archive")
     elif how == "pickle":
         with open(path, "wb") as file:
+            file.write(bytes(8))
             np.save(file, np.array([{"a": 1}], dtype=object))
     elif how == "other":
         with open(path, "wb") as file:
+            file.write(bytes(8))
             np.save(file, np.zeros(3))
             np.save(file, np.zeros(3))
     else:
@@ -136,6 +143,30 @@ def test_a_damaged_cache_is_rebuilt_with_a_warning(folder: Path, cache_folder: P
         second = load_recording(folder)
     assert_equal(first, second)
     assert_equal(first, load_recording(folder))
+
+
+def test_a_flipped_bit_of_a_cached_recording_changes_nothing(folder: Path, cache_folder: Path) -> None:
+    first = load_recording(folder)
+    source = find_source(str(folder))
+    (path,) = cache_folder.iterdir()
+    content = path.read_bytes()
+    # What the arrays mean stands in their headers: a number read with its bytes in reverse is another one.
+    headers = [match.start() + 1 for match in re.finditer(rb"'[<|>]\w", content)]
+    draw = random.Random(12)
+    places = [8 * at + bit for at in headers for bit in range(8)]
+    places += [draw.randrange(8 * len(content)) for _ in range(300)]
+    refused = 0
+    for place in places:
+        copy = bytearray(content)
+        copy[place // 8] ^= 1 << place % 8
+        path.write_bytes(copy)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = read_cached(source)
+        refused += found is None
+        if found is not None:
+            assert_equal(first, found)
+    assert refused > len(places) / 2
 
 
 def test_another_loader_version_reads_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

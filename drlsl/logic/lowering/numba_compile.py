@@ -72,8 +72,46 @@ def _type(parameter: Parameter, *, readonly: bool) -> Any:
 
 
 def _jit(function: Callable[..., Any], signature: Any, *, keep: bool) -> Callable[..., bool]:
-    jitted: Callable[..., bool] = numba.njit(signature, cache=keep, error_model="numpy", nogil=True)(function)
-    return jitted
+    jitted = numba.njit(cache=keep, error_model="numpy", nogil=True)(function)
+    if keep:
+        folder, name = Path(str(jitted.stats.cache_path)), function.__module__
+        _drop_damaged(folder, name)
+        jitted.compile(signature)
+        _seal(folder, name)
+    else:
+        jitted.compile(signature)
+    jitted.disable_compile()
+    checked: Callable[..., bool] = jitted
+    return checked
+
+
+def _drop_damaged(folder: Path, name: str) -> None:
+    """Remove what Numba has kept of a text, where it is not as it was written: machine code is run unseen."""
+    for path in _kept(folder, name):
+        seal = _seal_of(path)
+        known = seal.read_text(encoding="utf-8") if seal.is_file() else None
+        if known != _digest_of(path):
+            if known is not None:
+                _LOG.warning("%s: damaged machine code of rules, made anew", path)
+            path.unlink(missing_ok=True)
+
+
+def _seal(folder: Path, name: str) -> None:
+    """Keep the checksums of what Numba has kept of a text."""
+    for path in _kept(folder, name):
+        _write(_seal_of(path), _digest_of(path))
+
+
+def _kept(folder: Path, name: str) -> list[Path]:
+    return [path for path in folder.glob(f"{name}.*") if path.suffix in (".nbi", ".nbc")]
+
+
+def _seal_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
+
+
+def _digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
