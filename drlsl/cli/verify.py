@@ -138,7 +138,8 @@ def _attack_line(result: Result) -> str:
         return "not attacked"
     if attacked.reason:
         return f"not attacked: {attacked.reason}"
-    line = f"attacked with {attacked.scenes:,} scenes: {attacked.near:,} reached the last goal of violates"
+    line = f"attacked with {attacked.scenes:,} scenes: {attacked.near:,} reached the last goal of violates, "
+    line += f"{attacked.close:,} came within 0.001 of breaking it"
     if attacked.undecided:
         line += f", {attacked.undecided:,} undecided, of which {attacked.asked:,} asked of the interpreter"
     return line + (f", {attacked.broken:,} broke it in floats" if attacked.broken else "")

@@ -54,6 +54,9 @@ _HITS_OF_A_BATCH: Final = 3
 _MOST_HITS: Final = 16
 """So many scenes that break the property in floats are looked into."""
 
+_CLOSE: Final = 1e-3
+"""Scenes that fail in nothing but a comparison, by less than this in its unit, came close."""
+
 _EXTRAPOLATED: Final = 0.25
 """The share of climbers that go on as far as their last step promises."""
 
@@ -86,13 +89,15 @@ class Hit:
 class Attack:
     """What came of attacking one property.
 
-    Of `scenes` scenes `near` reached the last goal of a clause of violates/1. `undecided` were left to the
-    interpreter, which was asked about `asked` of them. `broken` broke the property in floats; `hit` is the
-    worst of these. `reason` says why it was not attacked.
+    Of `scenes` scenes `near` reached the last goal of a clause of violates/1, and `close` lacked less than
+    `_CLOSE` in a comparison of breaking the property. `undecided` were left to the interpreter, which was
+    asked about `asked` of them. `broken` broke the property in floats; `hit` is the worst of these. `reason`
+    says why it was not attacked.
     """
 
     scenes: int = 0
     near: int = 0
+    close: int = 0
     undecided: int = 0
     asked: int = 0
     broken: int = 0
@@ -105,6 +110,7 @@ class Attack:
         return {
             "scenes": self.scenes,
             "near": self.near,
+            "close": self.close,
             "undecided": self.undecided,
             "asked": self.asked,
             "broken": self.broken,
@@ -293,7 +299,9 @@ class _Attacker:
     def _distances(self, facts: Mapping[tuple[str, int], Rows], count: int) -> Floats:
         """How far scenes are from each way to break the property, shape (ways, N)."""
         close = Closeness(facts, count, self._target.program.code)
-        return np.array([sum(close.distance(node) for node in part) for part in self._target.parts])
+        far = np.array([sum(close.distance(node) for node in part) for part in self._target.parts])
+        self._result.close += int((far.min(axis=0) < _CLOSE).sum())
+        return far
 
     # ---------------------------------------------------------------- hits
 

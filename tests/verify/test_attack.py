@@ -200,9 +200,9 @@ def test_what_holds_is_not_broken_and_the_reader_sees_how_near_scenes_came(tmp_p
     result = broken(tmp_path, f"{EGO_SPEED}, V > 69.0, V > 70.0", 20_000)
     assert result.hit is None
     assert result.scenes == 20_000
-    assert 0 < result.near < result.scenes
+    assert 0 < result.close < result.near < result.scenes
     never = broken(tmp_path, f"{EGO_SPEED}, V > 71.0, V > 0.0", 4000)
-    assert (never.hit, never.near) == (None, 0)
+    assert (never.hit, never.near, never.close) == (None, 0, 0)
 
 
 def test_the_same_orders_try_the_same_scenes(tmp_path: Path) -> None:
