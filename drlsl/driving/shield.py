@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 import math
 import threading
@@ -101,6 +102,10 @@ class Shield:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         self.lock = threading.RLock()
+
+    def __copy__(self) -> Shield:
+        """The same as a deep copy: two shields on one engine would tell it facts behind each other's back."""
+        return copy.deepcopy(self)
 
     @classmethod
     def default(cls, *, tier: str = "interpreter") -> Shield:

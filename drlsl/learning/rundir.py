@@ -1,6 +1,5 @@
 """The folder of a training run: its files, made whole and kept consistent."""
 
-import contextlib
 import csv
 import dataclasses
 import hashlib
@@ -65,11 +64,10 @@ class RunFolder:
             UserError: the folder exists and is not empty, or `force` would delete what no run has written.
         """
         _refuse_occupied(root, force)
-        with contextlib.ExitStack() as held:
-            if root.exists():
-                # Whoever trains there would go on, in a folder that is gone.
-                held.enter_context(FolderLock(root, LOCK, TRAINING))
-            cls._make(root, config)
+        if root.exists():
+            # Whoever trains there would go on in a folder that is gone. Not held: Windows moves no open file.
+            FolderLock(root, LOCK, TRAINING).release()
+        cls._make(root, config)
         return cls(root, config)
 
     @staticmethod

@@ -184,6 +184,10 @@ class Engine:
         twin.__setstate__(state)
         return twin
 
+    def __copy__(self) -> Engine:
+        """The same as a deep copy: engines share nothing."""
+        return copy.deepcopy(self)
+
     # ------------------------------------------------------------------ loading
 
     def consult(self, path: str | Path, search: Sequence[Path] = ()) -> None:

@@ -176,6 +176,13 @@ def test_a_shield_answers_alike(tier: str, way: str) -> None:
     assert shield.decide(scene).action_mask == (1, 0, 0)
 
 
+def test_a_shallow_copy_of_a_shield_has_an_engine_of_its_own() -> None:
+    shield = Shield.default()
+    twin = copy.copy(shield)
+    assert twin.engine is not shield.engine
+    assert twin.decide(one_scene()) == shield.decide(one_scene())
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_rules_that_remember_are_copied_with_what_they_remember(way: str) -> None:
     engine = Engine()

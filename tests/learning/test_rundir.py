@@ -1,5 +1,6 @@
 import csv
 import math
+import threading
 from pathlib import Path
 
 import pytest
@@ -192,6 +193,19 @@ def test_an_evaluation_takes_the_place_of_its_like(folder: RunFolder) -> None:
     folder.save_evaluations([on, off], ("shield", "env"))
     folder.save_evaluations([on | {"totals": 3}], ("shield", "env"))
     assert folder.evaluations() == [on | {"totals": 3}, off]
+
+
+def test_evaluations_that_end_at_once_are_all_kept(folder: RunFolder) -> None:
+    def save(number: int) -> None:
+        for part in range(5):
+            folder.save_evaluations([{"seed": 5 * number + part}], ("seed",))
+
+    threads = [threading.Thread(target=save, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(item["seed"] for item in folder.evaluations()) == list(range(40))
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "nonsense"])

