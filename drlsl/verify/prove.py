@@ -11,10 +11,12 @@ from typing import Final, Literal, TypeAlias
 
 from drlsl.errors import UserError
 from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.lowering.ir import Pool
 from drlsl.logic.lowering.lower import Answer, lower
 from drlsl.logic.lowering.unfold import deep_recursion
 from drlsl.verify.booleans import Bool
 from drlsl.verify.formula import Formula, NotTranslatable
+from drlsl.verify.margins import Floats, margin_of
 from drlsl.verify.properties import Book, Property, load
 from drlsl.verify.ranges import Case
 from drlsl.verify.replay import Counterexample, Replay
@@ -79,6 +81,7 @@ class Prover:
     enough: dict[str, int | None]
     refused: dict[str, str]
     settled: set[bytes] = field(default_factory=set)
+    _pools: dict[str, Pool] = field(default_factory=dict)
     _replays: dict[str, Replay] = field(default_factory=dict)
 
     @classmethod
@@ -104,17 +107,25 @@ class Prover:
                 prover.refused[one.name] = f"the rules do not define {missing}"
                 continue
             try:
-                answer = lower(book.engine, book.facts, [one.query]).answers[0]
+                lowered = lower(book.engine, book.facts, [one.query])
             except NotLowerable as reason:
                 prover.refused[one.name] = str(reason)
             else:
-                prover.answers[one.name] = answer
+                prover.answers[one.name] = answer = lowered.answers[0]
                 prover.enough[one.name] = witnesses(answer)
+                prover._pools[one.name] = lowered.pool
         return prover
 
     def property(self, name: str) -> Property:
         """The property of that name."""
         return next(one for one in self.book.properties if one.name == name)
+
+    def floats(self, name: str, vehicles: int) -> Floats:
+        """What a proof of a property, with up to so many vehicles besides the ego, says of doubles."""
+        with deep_recursion():
+            return margin_of(
+                self.answers[name], self._pools[name], self.book.ranges, self._most(name, vehicles)
+            )
 
     def run(self, task: Task) -> list[Finding]:
         """What is found out about each property of a task, with no more vehicles than are enough."""

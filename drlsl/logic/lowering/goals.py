@@ -227,7 +227,9 @@ def _is(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 def _comparison(name: str) -> None:
     def compare(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
         def test(arithmetic: Arithmetic, left: Node, right: Node) -> Tree:
-            return guard(arithmetic.compare(name, left, right), then())
+            cond = arithmetic.compare(name, left, right)
+            unfold.written(cond, Struct(name, tuple(args)))
+            return guard(cond, then())
 
         return unfold.evaluated(args, test)
 

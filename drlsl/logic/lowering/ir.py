@@ -86,12 +86,13 @@ def relation_of(rows: Node) -> Relation:
 
 
 class Pool:
-    """Makes nodes, and keeps the names that the rules give to values."""
+    """Makes nodes, and keeps the names that the rules give to values, and where comparisons are written."""
 
     def __init__(self) -> None:
         self._made: dict[Any, Node] = {}
         self._levels = 1000  # loops under construction; `quantify` numbers them anew
         self.names: Final[dict[Node, str]] = {}
+        self.sources: Final[dict[Node, Any]] = {}
         self.true = self.const(True)
         self.false = self.const(False)
 
@@ -118,6 +119,19 @@ class Pool:
         if not node.is_const and node.op != "loop" and not name.startswith("_"):
             self.names.setdefault(node, name)
         return node
+
+    def come_from(self, node: Node, source: Any) -> None:
+        """Remember where the comparisons of a condition are written; the first source stays."""
+        if node.op in ("not", "and", "or"):
+            for arg in node.args:
+                self.come_from(arg, source)
+        elif not node.is_const:
+            self.sources.setdefault(node, source)
+
+    def keep_source(self, node: Node, made: Node) -> None:
+        """A comparison made out of another has the same source."""
+        if node in self.sources:
+            self.come_from(made, self.sources[node])
 
     # ---------------------------------------------------------------- constants and columns
 
@@ -412,6 +426,7 @@ class Pool:
             else:
                 known = self.rebuild(node, tuple(self._substitute(arg, mapping, done) for arg in node.args))
             done[node] = known
+            self.keep_source(node, known)
             if node in self.names:
                 self.name(known, self.names[node])
         return known

@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Final, NoReturn
 
 from drlsl.logic.linking import builtin, library
@@ -61,6 +62,14 @@ _MOST_CALLS: Final = 60
 _DEEP: Final = 20_000
 
 
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a condition is written: the clause, and the goal or expression in it, its variables unbound."""
+
+    clause: Clause | None
+    term: Sym
+
+
 @contextmanager
 def deep_recursion() -> Iterator[None]:
     """Room for goals that nest deeper than Python's usual limit."""
@@ -100,6 +109,10 @@ class Unfolder:
         clause = self._clauses[-1]
         name, arity = self._calls[-1] if self._calls else ("call", 1)
         raise NotLowerable(f"{name}/{arity}", clause.span if clause is not None else None, reason)
+
+    def written(self, cond: Node, term: Sym) -> None:
+        """Remember the clause at hand, and the goal or expression in it, as the source of a condition."""
+        self.pool.come_from(cond, Source(self._clauses[-1], term))
 
     # ---------------------------------------------------------------- bindings
 
@@ -200,6 +213,7 @@ class Unfolder:
             self.refuse(str(reason))
         for cond, otherwise in arithmetic.needed:
             self._doubt(cond, otherwise)
+            self.written(cond, expressions[0])
         return require(self.pool.and_(cond for cond, _ in arithmetic.needed), result)
 
     def _doubt(self, cond: Node, otherwise: str) -> None:
