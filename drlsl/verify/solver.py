@@ -186,6 +186,8 @@ class Solver:
             if monomial not in self._products:
                 self._products[monomial] = z3.Real(f"product#{len(self._products)}", ctx=self._context)
             return [self._products[monomial]]
+        if any(power < 0 for _, power in monomial):
+            raise AssertionError("a division that is not cleared")
         return [self._number(unknown) for unknown, power in monomial for _ in range(power)]
 
     def _term(self, truth: Bool) -> Any:

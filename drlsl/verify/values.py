@@ -19,6 +19,9 @@ from drlsl.verify.polynomials import Interval, Monomial, Polynomial, Rational, R
 _MOST_LEAVES: Final = 64
 """A sum or product of values with more leaves than this makes unknowns of them."""
 
+_MOST_MULTIPLICATIONS: Final = 16
+"""A power with a greater exponent is not written as a product."""
+
 _DENOMINATOR: Final = 10**12
 """Bounds on roots are rounded outward to fractions of this."""
 
@@ -291,18 +294,31 @@ class Algebra:
         if known is None:
             known = self._new("sqrt", _root_interval(self.ring.interval(square)))
             self._unknowns["sqrt", square.number] = known
-            raw = self.ring.make({((_only_unknown(known), 2),): 1})
-            self._define(known, self.booleans.comparison("zero", self.ring.subtract(raw, square)))
+            raw = self.ring.subtract(self.ring.make({((_only_unknown(known), 2),): 1}), square)
+            # where there is no root nothing is said of it: a scene that asks for none stays possible
+            self._define(known, self.booleans.implies(self.at_least(square, self.zero), self._zero(raw)))
             self._define(known, self.at_least(known, self.zero))
             self.ring.declare_root(known, square)
         return known
 
-    def apply(self, function: str, arguments: Sequence[Value]) -> Value:
-        """A function of which nothing is known but that equal arguments give equal values."""
+    def power(self, base: Value, exponent: Fraction) -> Value | None:
+        """A power by arithmetic and roots, where the exponent is a small multiple of a half; else None.
+
+        Of a negative base, or of 0 where the exponent is negative, it may mean nothing.
+        """
+        if (2 * exponent).denominator != 1 or abs(exponent) > _MOST_MULTIPLICATIONS:
+            return None
+        result: Value = self.one if exponent.denominator == 1 else self.sqrt(base)
+        for _ in range(int(abs(exponent))):
+            result = self.multiply(result, base)
+        return self.divide(self.one, result) if exponent < 0 else result
+
+    def apply(self, function: str, arguments: Sequence[Value], bounds: Interval = (None, None)) -> Value:
+        """A function of which nothing is known but `bounds`, and that equal arguments give equal values."""
         polynomials = [self.as_unknown(argument) for argument in arguments]
         place = (function, *(polynomial.number for polynomial in polynomials))
         if place not in self._unknowns:
-            self._unknowns[place] = self._new(function, (None, None))
+            self._unknowns[place] = self._new(function, bounds)
         return self._unknowns[place]
 
     # ---------------------------------------------------------------- bounds
@@ -444,9 +460,11 @@ class Algebra:
             for unknown, _ in monomial
             if ring.square_of(unknown) is not None
         ]
-        if len(roots) != 1 or len(roots[0][0]) != 1:
+        if len(roots) != 1:
             return None
         monomial, unknown = roots[0]
+        if monomial != ((unknown, 1),):
+            return None
         square = ring.square_of(unknown)
         assert square is not None
         factor = polynomial.terms[monomial]
@@ -484,7 +502,8 @@ class Algebra:
                 itself = self.booleans.comparison("zero", self.ring.power(unknown, 1))
                 if power > 0:
                     return self.booleans.or_((itself, self._zero(rest)))
-                free = self.booleans.flag(f"undefined_{polynomial.number}")
+                # a flag of its own: what means nothing may be neither greater than nor equal to a number
+                free = self.booleans.flag(f"undefined_zero_{polynomial.number}")
                 return self.booleans.choose(itself, free, self._zero(rest))
         return self._normal("zero", polynomial)
 
