@@ -6,14 +6,19 @@ rows is a finite conjunction or disjunction. Numbers are real: no operation roun
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from fractions import Fraction
+from typing import Any, Final, TypeAlias
 
 from drlsl.logic.lowering.ir import Node
+from drlsl.logic.lowering.numbers import LARGEST
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.terms import Atom
 from drlsl.verify.booleans import Bool
+from drlsl.verify.functions import bounds_of, domain_of
+from drlsl.verify.polynomials import Polynomial, Rational
 from drlsl.verify.values import Algebra, Value
 
 Constant: TypeAlias = Atom | int
@@ -22,6 +27,9 @@ Finite: TypeAlias = dict[Constant, Bool]
 
 Indices: TypeAlias = tuple[tuple[Bool, int], ...]
 """Row numbers, each with a condition; at most one of the conditions holds, or the last row stands in."""
+
+
+_LARGEST_FLOAT: Final = Fraction(sys.float_info.max)
 
 
 class NotTranslatable(Exception):
@@ -103,13 +111,44 @@ class Formula:
         """The value lies in a band around 0.
 
         A band narrower than any difference of lengths is what a division by 0 is told by: there are no
-        numbers that small but 0. A wide one tells of overflow, which real numbers do not have.
+        numbers that small but 0. The widest tells whether there is a number at all that a float can hold;
+        narrower ones only of what generated code can hold, which is no error.
         """
-        if node.data > 1.0:
+        (number,) = node.args
+        if node.data < 1.0:
+            return self.algebra.equal(self.value(number), self.algebra.zero)
+        if node.data < LARGEST or number.kind == "int":
             return self.booleans.true
-        return self.algebra.equal(self.value(node.args[0]), self.algebra.zero)
+        if number.op == "function":
+            argument = self.value(number.args[0])
+            domain = domain_of(number.data, self._exponent(number))
+            if domain is not None:
+                return self._between(domain[0], argument, domain[1])
+        return self._between(-_LARGEST_FLOAT, self.value(number), _LARGEST_FLOAT)
+
+    def _exponent(self, function: Node) -> Fraction | None:
+        """The exponent of a power where it is a constant."""
+        if function.data != "pow":
+            return None
+        exponent = self.value(function.args[1])
+        constant = exponent.constant if isinstance(exponent, Polynomial) else None
+        return None if constant is None else Fraction(constant)
+
+    def _between(self, low: Rational | None, value: Value, high: Rational | None) -> Bool:
+        """A value lies within bounds."""
+        algebra = self.algebra
+        return self.booleans.and_(
+            algebra.at_least(*pair)
+            for bound, pair in (
+                (low, (value, algebra.ring.const(low or 0))),
+                (high, (algebra.ring.const(high or 0), value)),
+            )
+            if bound is not None
+        )
 
     def _equal(self, left: Node, right: Node) -> Bool:
+        if left.op == right.op == "col" and left.data == right.data and left.data[0].key == left.data[1]:
+            return self._same_row(left.args[0], right.args[0])
         if left.kind == "atom" or self._is_finite(left) or self._is_finite(right):
             one, other = self.finite(left), self.finite(right)
             return self.booleans.or_(
@@ -118,6 +157,15 @@ class Formula:
                 if constant in other
             )
         return self.algebra.equal(self.value(left), self.value(right))
+
+    def _same_row(self, left: Node, right: Node) -> Bool:
+        """Two indices stand for one row: no two rows of a relation have the same key."""
+        return self.booleans.or_(
+            self.booleans.and_((cond, beside))
+            for cond, place in self.index(left)
+            for beside, other in self.index(right)
+            if place == other
+        )
 
     def _is_finite(self, node: Node) -> bool:
         """Whether a number is a column of integers, or a choice of such."""
@@ -340,7 +388,17 @@ class Formula:
                 return algebra.choose(algebra.less(algebra.zero, args[0]), algebra.one, below)
             case "tofloat":
                 return args[0]
-            case "function" | "floor" | "ceiling" | "truncate" | "round" | "truncdiv" | "floordiv" | "mod":
+            case "function":
+                return self._function(node, args)
+            case "floor" | "ceiling" | "truncate" | "round" | "truncdiv" | "floordiv" | "mod":
                 # nothing is assumed of these: a proof stays one, a refutation is replayed
-                return algebra.apply(str(node.data or node.op), args)
+                return algebra.apply(node.op, args)
         raise NotTranslatable(f"a formula has no {node.op}")
+
+    def _function(self, node: Node, args: Sequence[Value]) -> Value:
+        """A function of the C library: a power by arithmetic where it can be, else within its bounds."""
+        algebra, exponent = self.algebra, self._exponent(node)
+        power = None if exponent is None else algebra.power(args[0], exponent)
+        if power is not None:
+            return power
+        return algebra.apply(node.data, args, bounds_of(node.data, algebra.interval(args[0]), exponent))

@@ -18,7 +18,7 @@ from drlsl.logic.lowering.schema import INT_BOUND
 from drlsl.logic.lowering.trees import Sym, resolve
 from drlsl.logic.terms import Atom, Struct, Var
 
-_LARGEST: Final = 1e300
+LARGEST: Final = 1e300
 """No float result may be larger: further operations then stay clear of overflow for a while."""
 
 _SMALLEST_DIVISOR: Final = 1e-30
@@ -238,7 +238,7 @@ class Arithmetic:
 
     def _within(self, node: Node, largest: float | None = None) -> Node:
         """`node`, which has a value only while it is not too large."""
-        most = largest if largest is not None else float(INT_BOUND) if node.kind == "int" else _LARGEST
+        most = largest if largest is not None else float(INT_BOUND) if node.kind == "int" else LARGEST
         if -most <= node.low and node.high <= most:
             return node
         if node.is_const and not math.isfinite(node.data):
@@ -294,7 +294,7 @@ class Arithmetic:
         if name in _ROUNDINGS:
             if arg.kind == "int":
                 return arg
-            bounds = (max(arg.low - 1, -_LARGEST), min(arg.high + 1, _LARGEST))
+            bounds = (max(arg.low - 1, -LARGEST), min(arg.high + 1, LARGEST))
             self._within(arg, float(INT_BOUND // 2))
             return self._within(self._make(_ROUNDINGS[name], "int", (arg,), bounds))
         if name == "sqrt":
