@@ -14,15 +14,17 @@ from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.ir import Pool
 from drlsl.logic.lowering.lower import Answer, lower
 from drlsl.logic.lowering.unfold import deep_recursion
+from drlsl.logic.terms import Atom
 from drlsl.verify.booleans import Bool
 from drlsl.verify.formula import Formula, NotTranslatable
 from drlsl.verify.margins import Floats, margin_of
+from drlsl.verify.names import mentioned
 from drlsl.verify.properties import Book, Property, load
 from drlsl.verify.ranges import Case
 from drlsl.verify.replay import Counterexample, Replay
 from drlsl.verify.scope import witnesses
 from drlsl.verify.solver import Outcome, Solver
-from drlsl.verify.symbolic import SymbolicScene
+from drlsl.verify.symbolic import FOCUS, SymbolicScene
 from drlsl.verify.values import Algebra
 
 Status: TypeAlias = Literal["proved", "proved in real arithmetic only", "refuted", "unknown"]
@@ -72,14 +74,16 @@ class Task:
 class Prover:
     """A rule program made ready: its properties lowered, each with the vehicles that are enough for it.
 
-    `refused` says of properties that no formula can be made of them, and why. `settled` remembers what was
-    proved, for cases that ask the same.
+    `refused` says of properties that no formula can be made of them, and why. `names` has, by property, those
+    that the rules or it compare names of vehicles with. `settled` remembers what was proved, for cases that
+    ask the same.
     """
 
     book: Book
     answers: dict[str, Answer]
     enough: dict[str, int | None]
     refused: dict[str, str]
+    names: dict[str, frozenset[Atom]] = field(default_factory=dict)
     settled: set[bytes] = field(default_factory=set)
     _pools: dict[str, Pool] = field(default_factory=dict)
     _replays: dict[str, Replay] = field(default_factory=dict)
@@ -114,6 +118,7 @@ class Prover:
                 prover.answers[one.name] = answer = lowered.answers[0]
                 prover.enough[one.name] = witnesses(answer)
                 prover._pools[one.name] = lowered.pool
+                prover.names[one.name] = mentioned([answer.found, answer.undecided], FOCUS)
         return prover
 
     def property(self, name: str) -> Property:
@@ -129,15 +134,16 @@ class Prover:
 
     def run(self, task: Task) -> list[Finding]:
         """What is found out about each property of a task, with no more vehicles than are enough."""
-        simple: dict[int, _Translation] = {}
+        simple: dict[tuple[int, frozenset[Atom]], _Translation] = {}
         findings = []
         with deep_recursion():
             for name in task.properties:
                 started = time.perf_counter()
                 few = replace(task, vehicles=self._most(name, task.vehicles))
-                if few.vehicles not in simple:
-                    simple[few.vehicles] = _Translation(self, few, clears=False)
-                findings.append(self._look(name, few, simple[few.vehicles], started))
+                kind = (few.vehicles, self.names[name])
+                if kind not in simple:
+                    simple[kind] = _Translation(self, few, name, clears=False)
+                findings.append(self._look(name, few, simple[kind], started))
         return findings
 
     def _look(self, name: str, task: Task, simple: _Translation, started: float) -> Finding:
@@ -148,7 +154,7 @@ class Prover:
             left = simple.possible(name, PARTS, task.time_limit)
             if not left:
                 return found("proved")
-            exact = _Translation(self, task, clears=True)
+            exact = _Translation(self, task, name, clears=True)
             left = exact.possible(name, left, min(FIRST_TRY, task.time_limit / 2))
             if not left:
                 return found("proved")
@@ -187,13 +193,21 @@ def _why(left: Mapping[Part, Outcome], search: _Search, seconds: float) -> str:
 
 
 class _Translation:
-    """The formulas of one case, made when they are asked for."""
+    """The formulas of one case, made when they are asked for, for a property and others like it.
 
-    def __init__(self, prover: Prover, task: Task, *, clears: bool) -> None:
+    Properties are alike where they speak of the same names of vehicles.
+    """
+
+    def __init__(self, prover: Prover, task: Task, name: str, *, clears: bool) -> None:
         self._prover = prover
         book = prover.book
         self.scene = SymbolicScene(
-            Algebra(clears=clears), task.case, book.ranges, task.vehicles, tuple(book.unknowns)
+            Algebra(clears=clears),
+            task.case,
+            book.ranges,
+            task.vehicles,
+            tuple(book.unknowns),
+            prover.names[name],
         )
         self._formula = Formula(self.scene.algebra, self.scene.facts)
         self._linear = Solver(self.scene, linear=True, settled=prover.settled)
@@ -291,11 +305,13 @@ class _Search:
             if self.ran_out:
                 return []
             task = replace(self._task, vehicles=vehicles)
-            parts: Iterable[Part] = _Translation(self._prover, task, clears=False).possible(
+            parts: Iterable[Part] = _Translation(self._prover, task, self._name, clears=False).possible(
                 self._name, PARTS, self._left()
             )
             if parts:
-                translation = self._translations[vehicles] = _Translation(self._prover, task, clears=True)
+                translation = self._translations[vehicles] = _Translation(
+                    self._prover, task, self._name, clears=True
+                )
                 parts = translation.linearly_possible(self._name, parts, self._left())
             self._parts[vehicles] = list(parts)
         return self._parts[vehicles]

@@ -22,7 +22,7 @@ from drlsl.logic.lowering.schema import Schema
 from drlsl.traffic.road import Direction, Lane
 from drlsl.verify.images import calls
 from drlsl.verify.properties import FACTS, Property
-from drlsl.verify.symbolic import FOCUS, Model, SymbolicScene
+from drlsl.verify.symbolic import FOCUS, NOBODY, Model, SymbolicScene
 
 _DIGITS: Final = (2, 4, 8, None)
 """A scene's numbers are rounded to so many decimals if it still breaks the property then."""
@@ -93,7 +93,7 @@ class Replay:
         facts[FOCUS.name, FOCUS.arity] = [(focus,)]
         facts.update({(name, 1): [(value,)] for name, value in (unknowns or {}).items()})
         called = self._called()
-        shown = focus if focus != "none" and (FOCUS.name, FOCUS.arity) in called else None
+        shown = focus if focus != NOBODY and (FOCUS.name, FOCUS.arity) in called else None
         spoken_of = {name: value for name, value in (unknowns or {}).items() if (name, 1) in called}
         try:
             if not self._ask(facts):

@@ -13,13 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from drlsl.driving.scene import EGO, SCHEMA
+from drlsl.driving.scene import EGO
 from drlsl.logic.lowering.ir import QUANTIFIERS, Node, relation_of
 from drlsl.logic.lowering.lower import Answer
 from drlsl.logic.terms import Atom
+from drlsl.verify.names import VEHICLE
 from drlsl.verify.symbolic import FOCUS
-
-VEHICLE: Final = SCHEMA.relations["vehicle", 8]
 
 
 class NoBound(Exception):
@@ -83,13 +82,19 @@ def _truth(node: Node, holds: bool, fixed: _Fixed) -> Need:
     if node.op in ("and", "or"):
         parts = [_truth(arg, holds, fixed) for arg in node.args]
         result = NONE
+        # which part holds may differ from row to row
+        all_count = (node.op == "and") is holds or not node.free <= fixed
         for part in parts:
-            result = result | part if (node.op == "and") is holds else _either(result, part)
+            result = result | part if all_count else _either(result, part)
         return result
     if node.op == "any":
         return _some(node, fixed) if holds else _none(node, fixed)
+    args = node.args
+    if node.op == "eq" and any(_is_focus(a) and (_is_name(b) or _is_ego_or_focus(b)) for a, b in _both(node)):
+        # a vehicle that stays is in focus or is not; the ego never is
+        args = tuple(arg for arg in args if not _is_focus(arg))
     result = NONE
-    for arg in node.args:
+    for arg in args:
         result = result | _value(arg, fixed)
     return result
 
@@ -150,7 +155,9 @@ def _of_another(cond: Node, loop: Node) -> bool | None:
         if dominant in parts:
             return dominant
         return None if None in parts else not dominant
-    if cond.op == "eq" and any(_is_id(one, loop) and _is_ego_or_focus(other) for one, other in _both(cond)):
+    if cond.op == "eq" and any(
+        _is_name(one) and one.args[0] is loop and _is_ego_or_focus(other) for one, other in _both(cond)
+    ):
         return False
     return None
 
@@ -160,14 +167,18 @@ def _both(equation: Node) -> tuple[tuple[Node, Node], tuple[Node, Node]]:
     return (left, right), (right, left)
 
 
-def _is_id(node: Node, loop: Node) -> bool:
-    return node.op == "col" and node.args[0] is loop and node.data == (VEHICLE, VEHICLE.key)
+def _is_name(node: Node) -> bool:
+    return node.op == "col" and node.data == (VEHICLE, VEHICLE.key)
+
+
+def _is_focus(node: Node) -> bool:
+    return node.op == "col" and node.data[0] == FOCUS
 
 
 def _is_ego_or_focus(node: Node) -> bool:
     if node.op == "const":
         return bool(node.data == Atom(EGO))
-    return node.op == "col" and node.data[0] == FOCUS
+    return _is_focus(node)
 
 
 def _over_vehicles(node: Node) -> bool:
@@ -182,6 +193,8 @@ def _value(node: Node, fixed: _Fixed) -> Need:
         return _chosen(node, fixed)
     if node.op == "loop":
         return NONE
+    if _is_focus(node):
+        return Need(focus=True)
     result = NONE
     for arg in node.args:
         result = result | _value(arg, fixed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,13 +14,16 @@ from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.terms import Atom
 from drlsl.traffic.road import Lane
 from drlsl.verify.booleans import Bool
-from drlsl.verify.formula import Finite, Row
+from drlsl.verify.formula import Constant, Finite, Row
 from drlsl.verify.polynomials import Polynomial
 from drlsl.verify.ranges import TYPICAL, Case, Range
 from drlsl.verify.values import Algebra, Value
 
 FOCUS: Final = Relation("focus", ("atom",), single=True, fields=("id",))
 """One of the vehicles, any: what `focus/1` names in properties."""
+
+NOBODY: Final = "none"
+"""What `focus/1` names where no vehicle is in focus."""
 
 _HALF: Final = Fraction(1, 2)
 
@@ -29,6 +33,7 @@ class Box:
     """The unknowns of one vehicle; `dx` [m] counts from the ego."""
 
     name: str
+    id: Finite
     present: Bool
     dx: Polynomial
     y: Polynomial
@@ -53,7 +58,7 @@ class SymbolicScene:
     `facts` are the rows of all relations. `always` is what every scene fulfils; `about` the part of it that
     speaks of a flag, by the flag's name. `usual` gives unknowns the value that a
     counterexample should have, with 1, or 2 for a speed. `unknowns` name facts of one number each that a
-    property speaks of besides the scene.
+    property speaks of besides the scene. Each vehicle may have one of `names`, or else one of its own.
     """
 
     def __init__(
@@ -63,12 +68,14 @@ class SymbolicScene:
         ranges: Mapping[str, Range],
         vehicles: int,
         unknowns: Sequence[str] = (),
+        names: Iterable[Atom] = (),
     ) -> None:
         self.algebra = algebra
         self.case = case
         self.ranges = ranges
         self.vehicles = vehicles
         self.unknowns = unknowns
+        self.names = sorted(names, key=lambda atom: atom.name)
         self.facts: dict[tuple[str, int], list[Row]] = {}
         self.always: list[Bool] = []
         self.about: dict[str, list[Bool]] = {}
@@ -76,7 +83,9 @@ class SymbolicScene:
         self._numbers: dict[str, Polynomial] = {}
         self._lanes()
         self._ego = self._ego_box()
-        self._boxes = [self._vehicle_box(f"v{number}") for number in range(1, self.vehicles + 1)]
+        own = (f"v{number}" for number in itertools.count(1) if Atom(f"v{number}") not in self.names)
+        self._boxes = [self._vehicle_box(name) for name in itertools.islice(own, self.vehicles)]
+        self._name_boxes()
         self._order()
         self._facts()
 
@@ -140,6 +149,7 @@ class SymbolicScene:
             self.always.append(algebra.at_least(ring.scale(width, _HALF), turned))
         return Box(
             name=EGO,
+            id={Atom(EGO): algebra.booleans.true},
             present=algebra.booleans.true,
             dx=algebra.zero,
             y=ring.add(self.centres[lane - 1], self._forward(aside)),
@@ -156,6 +166,7 @@ class SymbolicScene:
         aside = reach + self.ranges["lane_width"][1]
         box = Box(
             name=name,
+            id={},
             present=self.algebra.booleans.flag(f"{name}_present"),
             dx=self._forward(self._unknown("ahead", f"{name}_ahead", (-reach, reach))),
             y=ring.add(
@@ -190,6 +201,21 @@ class SymbolicScene:
             outside.append(booleans.not_(inside))
         flag = box.lane[0]
         self._require([booleans.implies(flag, booleans.and_(outside))], [flag])
+
+    def _name_boxes(self) -> None:
+        """A vehicle has at most one of the names, and no two have the same."""
+        booleans = self.algebra.booleans
+        flags = {
+            (box.name, atom): booleans.flag(f"{box.name}_is_{atom.name}")
+            for box in self._boxes
+            for atom in self.names
+        }
+        for (own, atom), flag in flags.items():
+            others = [beside for (one, other), beside in flags.items() if (one == own) is not (other == atom)]
+            self._require([booleans.not_(booleans.and_((flag, other))) for other in others], [flag])
+        for box in self._boxes:
+            named: Finite = {atom: flags[box.name, atom] for atom in self.names}
+            box.id = {Atom(box.name): booleans.not_(booleans.or_(named.values())), **named}
 
     def _order(self) -> None:
         """Vehicles that are there come first, and they are in radar range."""
@@ -245,23 +271,22 @@ class SymbolicScene:
 
     def _row(self, box: Box, x: Polynomial) -> Row:
         ring = self.algebra.ring
-        name: Finite = {Atom(box.name): self.algebra.booleans.true}
         place = ring.add(x, box.dx)
-        return Row(box.present, (name, box.lane, place, box.y, box.vx, box.vy, box.length, box.width))
+        return Row(box.present, (box.id, box.lane, place, box.y, box.vx, box.vy, box.length, box.width))
 
     def _focus(self) -> Finite:
-        """One vehicle that is there, or none."""
+        """The name of one vehicle that is there, or `none`."""
         booleans = self.algebra.booleans
-        flags: Finite = {Atom(box.name): booleans.flag(f"focus_{box.name}") for box in self._boxes}
-        exclusive = [
-            booleans.not_(booleans.and_((one, other)))
-            for one in flags.values()
-            for other in flags.values()
-            if one.number < other.number
-        ]
-        there = [booleans.implies(flags[Atom(box.name)], box.present) for box in self._boxes]
-        self._require([*exclusive, *there], flags.values())
-        return flags
+        flags = [booleans.flag(f"focus_{box.name}") for box in self._boxes]
+        pairs = [(one, other) for one in flags for other in flags if one.number < other.number]
+        exclusive = [booleans.not_(booleans.and_(pair)) for pair in pairs]
+        there = [booleans.implies(flag, box.present) for flag, box in zip(flags, self._boxes, strict=True)]
+        self._require([*exclusive, *there], flags)
+        parts: dict[Constant, list[Bool]] = {Atom(NOBODY): [booleans.not_(booleans.or_(flags))]}
+        for flag, box in zip(flags, self._boxes, strict=True):
+            for constant, own in box.id.items():
+                parts.setdefault(constant, []).append(booleans.and_((flag, own)))
+        return {constant: booleans.or_(conds) for constant, conds in parts.items()}
 
     def tidy(self) -> list[Bool]:
         """Vehicles are in a lane and do not overlap: a counterexample had better be like that."""
@@ -285,18 +310,22 @@ class SymbolicScene:
     # ---------------------------------------------------------------- from a model to a scene
 
     def scene(self, model: Model) -> tuple[Scene, str]:
-        """The scene that a model describes, and the vehicle in focus, or `none`."""
+        """The scene that a model describes, and the name of the vehicle in focus, or `NOBODY`."""
 
         def number(value: Value | Finite) -> float:
             assert isinstance(value, Polynomial)
             return float(evaluate(value, model.numbers))
 
         def holds(truth: Bool) -> bool:
-            return truth is self.algebra.booleans.true or model.flags.get(truth.data, False)
+            if truth.op == "not":
+                return not holds(truth.args[0])
+            if truth.op in ("and", "or"):
+                return (all if truth.op == "and" else any)(map(holds, truth.args))
+            return truth.op == "true" or model.flags.get(truth.data, False)
 
         def chosen(value: Value | Finite) -> str | int:
             assert isinstance(value, dict)
-            found = next((constant for constant, flag in value.items() if holds(flag)), Atom("none"))
+            found = next(constant for constant, flag in value.items() if holds(flag))
             return found.name if isinstance(found, Atom) else found
 
         def vehicle(row: Row) -> Vehicle:

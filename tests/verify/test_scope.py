@@ -32,6 +32,12 @@ OTHER = "other(X, V) :- vehicle(Id, _, X, _, V, _, _, _), Id \\== ego. "
         ),
         ("ask :- aggregate_all(count, other(_, _), N), N > 3.", None),
         ("ask :- aggregate_all(sum(X), other(X, _), S), S > 3.0.", None),
+        # every one ahead needs one that races behind, every one behind one that comes the other way
+        (
+            "ask :- other(X, V), X > 90.0, V < 10.0, V > 0.0, \\+ ( other(Y, _), \\+ "
+            "( Y > 0.0, other(Z, W), Z < 0.0, W > 60.0 ; Y < 0.0, other(_, W), W < -60.0 ) ).",
+            3,
+        ),
         ("ask :- other(X, _), \\+ ( other(Y, _), \\+ ( other(Z, _), Z > X + Y ) ).", None),
     ],
 )
@@ -45,6 +51,8 @@ def test_counts(rule: str, enough: int | None) -> None:
     ("rule", "enough"),
     [
         ("ask :- at(Id, X), focus(Id), X > 0.0, at(Id, Y), Y < 5.0.", 1),
+        ("ask :- focus(Id), Id == truck.", 1),
+        ("ask :- \\+ ( at(Id, X), focus(Id), X > 0.0 ).", 0),
         ("ask :- aggregate_all(min(X), seen(X), L), aggregate_all(max(X), seen(X), M), M > L + 3.0.", 1),
         ("ask :- at(Id, X), focus(Id), X > 0.0, at(Other, Y), Other \\== ego, Y > X.", 2),
         ("ask :- at(Id, X), ( focus(Id) ; X > 0.0 ), aggregate_all(min(Y), at(_, Y), L), X > L.", 2),

@@ -1,0 +1,46 @@
+"""The names that vehicles may have: those that a program speaks of tell scenes apart, all others do not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from drlsl.driving.lowered import ROAD_LANE, SCHEMA
+from drlsl.driving.scene import EGO
+from drlsl.logic.lowering.ir import Node, reach
+from drlsl.logic.lowering.schema import Relation
+from drlsl.logic.terms import Atom
+from drlsl.traffic.road import Direction
+
+VEHICLE: Final = SCHEMA.relations["vehicle", 8]
+
+_DIRECTIONS: Final = frozenset(Atom(direction.value) for direction in Direction)
+
+
+def mentioned(roots: Iterable[Node], focus: Relation) -> frozenset[Atom]:
+    """The atoms besides `ego` that nodes compare the name of a vehicle, or of the one in `focus`, with."""
+    named = {(VEHICLE, VEHICLE.key), (focus, 0)}
+    found: set[Atom] = set()
+    for node in reach(roots):
+        if node.op != "eq" or node.args[0].kind != "atom":
+            continue
+        atoms: set[Atom] = set()
+        columns: set[tuple[Relation, int | None]] = set()
+        for side in node.args:
+            _sources(side, atoms, columns)
+        if columns & named:
+            found |= atoms
+            if any(relation == ROAD_LANE for relation, _ in columns):
+                found |= _DIRECTIONS
+    return frozenset(found - {Atom(EGO)})
+
+
+def _sources(node: Node, atoms: set[Atom], columns: set[tuple[Relation, int | None]]) -> None:
+    """The constants and the columns that an atom may come from."""
+    if node.op == "const":
+        atoms.add(node.data)
+    elif node.op == "col":
+        columns.add(node.data)
+    else:
+        for arg in node.args[1:]:
+            _sources(arg, atoms, columns)
