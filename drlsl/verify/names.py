@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from drlsl.driving.lowered import ROAD_LANE, SCHEMA
-from drlsl.driving.scene import EGO
+from drlsl.driving.scene import EGO, SCHEMA
 from drlsl.logic.lowering.ir import Node, reach
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.terms import Atom
 from drlsl.traffic.road import Direction
 
 VEHICLE: Final = SCHEMA.relations["vehicle", 8]
+
+_ROAD_LANE: Final = SCHEMA.relations["road_lane", 5]
 
 _DIRECTIONS: Final = frozenset(Atom(direction.value) for direction in Direction)
 
@@ -30,7 +31,7 @@ def mentioned(roots: Iterable[Node], focus: Relation) -> frozenset[Atom]:
             _sources(side, atoms, columns)
         if columns & named:
             found |= atoms
-            if any(relation == ROAD_LANE for relation, _ in columns):
+            if any(relation == _ROAD_LANE for relation, _ in columns):
                 found |= _DIRECTIONS
     return frozenset(found - {Atom(EGO)})
 

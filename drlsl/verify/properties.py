@@ -10,27 +10,21 @@ from pathlib import Path
 from typing import Final
 
 from drlsl.driving.scene import SCHEMA
-from drlsl.driving.shield import consult_rules, default_rules
+from drlsl.driving.shield import default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.lowering.lower import Query
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.logic.lowering.schema import FLOAT_BOUND, Relation, Schema
 from drlsl.logic.program import Clause
 from drlsl.logic.terms import Atom, Struct, deref
 from drlsl.verify.images import expand, undefined_calls
 from drlsl.verify.ranges import RANGES, Range
+from drlsl.verify.sealing import consult_sealed
 from drlsl.verify.symbolic import FOCUS
 
 FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
 """The facts of a scene, and the one vehicle that `focus/1` names."""
-
-
-_SHARED: Final = "".join(
-    f":- multifile({name}).\n:- discontiguous({name}).\n"
-    for name in ("property/2", "violates/1", "image/3", "range/3", "unknown/4")
-)
-"""Each of several files of properties may have clauses of these, in any order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,19 +74,10 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     """Load rules, by default highway.pl, and properties, by default properties.pl.
 
     Raises:
-        UserError: a file cannot be read, defines what another does, or declares no property.
+        UserError: a file cannot be read, declares no property, or rules and properties define the same.
         PrologError: a file is not a valid program.
     """
-    engine = Engine()
-    engine.consult_text(_SHARED, "what files of properties share")
-    for path in rules or default_rules():
-        consult_rules(engine, path)
-    warned = len(engine.warnings)
-    for path in properties or (default_properties(),):
-        consult_rules(engine, path)
-    for warning in engine.warnings[warned:]:
-        if "defined anew" in warning.message:
-            raise UserError(f"{warning}; a property must not change the rules that it is about")
+    engine = consult_sealed(rules or default_rules(), properties or (default_properties(),))
     declared = _declared(engine)
     unknowns, ranges = _unknowns(engine)
     expand(engine)
@@ -146,8 +131,10 @@ def _ranges(engine: Engine) -> dict[str, Range]:
 
 
 def _range(word: str, name: str, low: object, high: object) -> Range:
-    if not isinstance(low, int | float) or not isinstance(high, int | float) or low > high:
+    if not isinstance(low, int | float) or not isinstance(high, int | float) or not low <= high:
         raise UserError(f"{word}({name}, {low}, {high}): expected two numbers, the lower first")
+    if max(abs(low), abs(high)) > FLOAT_BOUND:
+        raise UserError(f"{word}({name}, {low}, {high}): expected numbers from -1e15 to 1e15")
     return Fraction(repr(low)), Fraction(repr(high))
 
 

@@ -78,7 +78,7 @@ def test_images_that_cannot_be(text: str, message: str) -> None:
         ("property(a, b).", r"property\(a, ...\) without a clause"),
         ("property(a, b). violates(c) :- fail.", r"violates\(c\) without property"),
         ("property(a, b). property(c, d). violates(a) :- fail.", r"property\(c, ...\) without a clause"),
-        ("property(a, b). violates(a) :- fail. gap(_, 1).", "must not change the rules"),
+        ("property(a, b). violates(a) :- fail. gap(_, 1).", r"highway.pl:\d+.* the rules define gap/2"),
         ("property(a, b). violates(a) :- fail. range(wheels, 3, 4).", r"range\(wheels, ...\): unknown"),
         ("property(a, b). violates(a) :- fail. range(speed, 3, 1).", "the lower first"),
         ("property(a, b). violates(_) :- fail.", "names no property"),

@@ -1,0 +1,149 @@
+"""Rules and properties in one program, and neither changes what the other says.
+
+Rules come from whoever wants them proved. Were they to add a clause to a predicate that the properties are
+written in, or to change how these are read, a property would say something else than its file does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from drlsl.driving.shield import consult_rules
+from drlsl.errors import UserError
+from drlsl.logic import Engine
+from drlsl.logic.linking import builtin, library
+from drlsl.logic.program import Clause, Indicator
+from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+
+DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4))
+"""What files of properties declare; each of several files may have clauses of these, in any order."""
+
+_SHARED: Final = "".join(
+    f":- multifile({name}/{arity}).\n:- discontiguous({name}/{arity}).\n" for name, arity in DECLARED
+)
+
+_RESERVED: Final = (*DECLARED, ("in", 2))
+
+_Clauses: TypeAlias = Mapping[Indicator, Sequence[Clause]]
+
+
+def consult_sealed(rules: Sequence[str | Path], properties: Sequence[str | Path]) -> Engine:
+    """An engine with the rules, and with the properties as they are read by themselves.
+
+    Raises:
+        UserError: a file cannot be read, or rules and properties define or change the same.
+        PrologError: a file is not a valid program.
+    """
+    alone = Engine()
+    _consult(alone, properties)
+    wanted = _clauses(alone)
+    engine = Engine()
+    for path in rules:
+        consult_rules(engine, path)
+    own, flags = _clauses(engine), _flags(engine)
+    _check_rules(own, wanted)
+    _consult(engine, properties)
+    _check_properties(own, wanted, _clauses(engine))
+    if not flags == _flags(alone) == _flags(engine):
+        raise UserError(
+            "the rules and the properties set the flags iso or occurs_check to unlike values, which changes "
+            "what the others say; set them alike in both"
+        )
+    return engine
+
+
+def _flags(engine: Engine) -> tuple[bool, str]:
+    """The flags by which a program means something else."""
+    return engine.flags.iso, engine.flags.occurs_check
+
+
+def _consult(engine: Engine, properties: Sequence[str | Path]) -> None:
+    engine.consult_text(_SHARED, "what files of properties share")
+    for path in properties:
+        consult_rules(engine, path)
+
+
+def _clauses(engine: Engine) -> dict[Indicator, list[Clause]]:
+    """The clauses of every predicate that has some."""
+    predicates = engine.program.predicates
+    return {key: list(predicate.clauses) for key, predicate in predicates.items() if predicate.clauses}
+
+
+def _check_rules(own: _Clauses, wanted: _Clauses) -> None:
+    """The rules leave alone what the properties are written in."""
+    mentioned = {name for clauses in wanted.values() for clause in clauses for name in _names(clause.body)}
+    for key, clauses in own.items():
+        name = f"{key[0]}/{key[1]}"
+        if key in wanted or key in _RESERVED:
+            raise UserError(
+                f"{_place(clauses)}: the rules define {name}, which belongs to the properties; "
+                "rename it in the rules"
+            )
+        if _is_provided(key) and key[0] in mentioned:
+            raise UserError(
+                f"{_place(clauses)}: the rules define {name}, which Prolog provides and the properties use; "
+                "rename it in the rules"
+            )
+
+
+def _check_properties(own: _Clauses, wanted: _Clauses, found: _Clauses) -> None:
+    """The properties leave the rules alone, and are what they are without them."""
+    for key, clauses in own.items():
+        if list(found.get(key, ())) != list(clauses):
+            new = [clause for clause in found.get(key, ()) if clause not in clauses] or clauses
+            raise UserError(
+                f"{_place(new)}: a property must not change {key[0]}/{key[1]}, which the rules define"
+            )
+    for key, clauses in wanted.items():
+        if _is_provided(key):
+            raise UserError(
+                f"{_place(clauses)}: a property must not define {key[0]}/{key[1]}, which Prolog provides"
+            )
+        read = found.get(key, ())
+        if len(read) != len(clauses) or not all(map(_alike, clauses, read)):
+            raise UserError(
+                f"{_place(clauses)}: beside the rules {key[0]}/{key[1]} is read as something else; "
+                "do they declare operators or set flags?"
+            )
+
+
+def _is_provided(key: Indicator) -> bool:
+    return builtin(*key) is not None or library().find(*key) is not None
+
+
+def _place(clauses: Sequence[Clause]) -> str:
+    """Where the first of the clauses stands; a clause that was asserted stands nowhere."""
+    return next((str(clause.span) for clause in clauses if clause.span is not None), "a directive")
+
+
+def _names(term: Term) -> Iterator[str]:
+    """The names of the atoms and compound terms in a term."""
+    open_ = [term]
+    while open_:
+        part = deref(open_.pop())
+        if isinstance(part, Struct):
+            yield part.name
+            open_.extend(part.args)
+        elif isinstance(part, Atom):
+            yield part.name
+
+
+def _alike(one: Clause, other: Clause) -> bool:
+    """Two clauses are the same but for the names of variables."""
+    pairs: dict[Var, Var] = {}
+    back: dict[Var, Var] = {}
+    open_: list[tuple[Term, Term]] = [(one.head, other.head), (one.body, other.body)]
+    while open_:
+        left, right = map(deref, open_.pop())
+        if isinstance(left, Var) and isinstance(right, Var):
+            if pairs.setdefault(left, right) is not right or back.setdefault(right, left) is not left:
+                return False
+        elif isinstance(left, Struct) and isinstance(right, Struct):
+            if left.name != right.name or len(left.args) != len(right.args):
+                return False
+            open_.extend(zip(left.args, right.args, strict=True))
+        elif type(left) is not type(right) or repr(left) != repr(right):
+            return False
+    return True
