@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from drlsl.logic.body import callable_parts
 from drlsl.logic.builtins.arguments import indicators
 from drlsl.logic.builtins.database import name_term, split_clause
+from drlsl.logic.builtins.registry import CONTROL
 from drlsl.logic.dcg import translate_rule
 from drlsl.logic.errors import (
     PrologError,
@@ -24,6 +25,7 @@ from drlsl.logic.errors import (
     syntax_error,
     type_error,
 )
+from drlsl.logic.goals import CONTROL_ARGUMENTS
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.program import Clause, Indicator, Predicate
 from drlsl.logic.reader import ReadTerm, read_terms
@@ -32,8 +34,8 @@ from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 if TYPE_CHECKING:
     from drlsl.logic.engine import Engine
 
-# What no program may define anew: the control constructs and builtin predicates of the standard.
-_STANDARD: Final = frozenset(
+# What no program may define anew besides control constructs: the builtin predicates of the standard.
+STANDARD: Final = frozenset(
     entry
     for line in (
         "true/0 fail/0 !/0 ,/2 ;/2 ->/2 *->/2 call/1 call/2 call/3 call/4 call/5 call/6 call/7 call/8",
@@ -159,7 +161,7 @@ class Loader:
 
     def _add(self, clause: Clause, read: ReadTerm) -> None:
         key = _indicator(clause.head)
-        if f"{key[0]}/{key[1]}" in _STANDARD:
+        if f"{key[0]}/{key[1]}" in STANDARD or key in CONTROL or key in CONTROL_ARGUMENTS:
             refusal = permission_error("modify", "static_procedure", name_term(*key))
             raise _CommaBefore(refusal.term) if key == (",", 2) else refusal
         predicate = self._engine.program.get(*key)

@@ -21,7 +21,7 @@ from drlsl.logic.terms import TRUE, Struct
 
 _LIBRARY: Final = Path(__file__).parent / "library"
 _HEADER: Final = re.compile(r":- module\((\w+), \[([^]]*)\]\)\.")
-_EXPORT: Final = re.compile(r"'?([^\s,'/]+)'?/(\d+)")
+_EXPORT: Final = re.compile(r"\(?'?([^\s,'/()]+)'?\)?/(\d+)")
 
 # Libraries of SWI-Prolog whose predicates are builtins here, so that use_module/1 of them is no error.
 _BUILT_IN: Final = frozenset(

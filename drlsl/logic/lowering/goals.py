@@ -65,7 +65,7 @@ def _and(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 @_goal(";", 2)
 @_goal("|", 2)
 def _or(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    left = resolve(args[0])
+    left = args[0]
     if isinstance(left, Struct) and len(left.args) == 2 and left.name == "->":
         cond, yes = left.args
         return unfold.committed([cond], lambda: unfold.solve(yes, then), lambda: unfold.solve(args[1], then))
@@ -124,8 +124,7 @@ def _call(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
         called = Struct(goal.name, (*goal.args, *args[1:]))
     else:
         return require(unfold.pool.false, FAIL)
-    # a cut inside is local to the call
-    return unfold.body([called], then, lambda: FAIL)
+    return unfold.called(called, then)
 
 
 GOALS.update({("call", arity): _call for arity in range(1, 9)})

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from drlsl.logic.lowering.ir import Node
-from drlsl.logic.lowering.trees import Bag, Sym, map_terms, resolve
+from drlsl.logic.lowering.trees import Bag, Sym, map_terms
 from drlsl.logic.program import Clause
 from drlsl.logic.terms import Atom, Struct, Var
 
 
 def conjunction(goal: Sym) -> list[Sym]:
-    """The goals of a conjunction, in order."""
-    goal = resolve(goal)
+    """The goals of a conjunction, in order; a variable stands for one goal, whatever it is bound to."""
+    if isinstance(goal, Var):
+        return [goal]
     if isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
         return [*conjunction(goal.args[0]), *conjunction(goal.args[1])]
     return [goal]
@@ -25,8 +26,7 @@ def is_atom(term: Sym, name: str) -> bool:
 
 
 def has_cut(goal: Sym) -> bool:
-    """Whether a goal cuts the clause that it stands in."""
-    goal = resolve(goal)
+    """Whether a goal cuts the clause that it stands in; what a variable is bound to cuts only itself."""
     if isinstance(goal, Struct) and len(goal.args) == 2:
         if goal.name in (",", ";"):
             return any(map(has_cut, goal.args))

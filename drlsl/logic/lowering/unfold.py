@@ -101,6 +101,7 @@ class Unfolder:
         self._known: dict[Any, Tree] = {}
         self._under_way: list[Any] = []
         self._leaves = 0
+        self._in_library = False  # whether the goal at hand stands in a clause of the library
 
     # ---------------------------------------------------------------- failing to lower
 
@@ -255,7 +256,7 @@ class Unfolder:
 
     def _control_with_cut(self, goal: Struct, tail: list[Sym], then: Continue, rest: Continue) -> Tree:
         """A disjunction or if-then-else that cuts the clause."""
-        left, right = (resolve(arg) for arg in goal.args)
+        left, right = goal.args
         if goal.name == "->":
             return self.committed([left], lambda: self.body([right, *tail], then, rest), rest)
         if isinstance(left, Struct) and left.name == "->" and len(left.args) == 2:
@@ -327,24 +328,48 @@ class Unfolder:
 
     def solve(self, goal: Sym, then: Continue) -> Tree:
         """What `then` yields for each solution of a goal."""
-        goal = resolve(goal)
+        if isinstance(goal, Var) and not isinstance(resolve(goal), Var):
+            return self.called(goal, then)
         if isinstance(goal, Var | int | float | str | Node | Bag):
             return require(self.pool.false, FAIL)
         name, args = (goal.name, goal.args) if isinstance(goal, Struct) else (goal.name, ())
-        relation = self.schema.find(name, len(args))
+        relation = None if self._in_library else self.schema.find(name, len(args))
         if relation is not None:
             return self.facts(relation, args, then)
-        predicate = self.program.find(name, len(args))
+        predicate = None if self._in_library else self.program.find(name, len(args))
         lowered = self._goals.get((name, len(args)))
         if lowered is not None and predicate is None:
             return lowered(self, args, then)
         if predicate is None:
             predicate = library().find(name, len(args))
+        if predicate is None and self._in_library:
+            predicate = library().program.find(name, len(args))
         if predicate is None:
             return self.undefined(name, len(args))
         if predicate.dynamic:
             self.refuse(f"{name}/{len(args)} is dynamic, and the schema does not say what its facts are")
         return self.call(predicate, args, then)
+
+    def called(self, goal: Sym, then: Continue) -> Tree:
+        """As `solve`, of a goal that is called: it means what it means to the program; cuts are local.
+
+        The library's own goals mean what they mean to the library, even where a program hides them.
+        """
+        before = self._in_library
+        goal = map_terms(lambda part: part, goal)  # what its variables are bound to is part of it
+
+        def resumed() -> Tree:
+            inside, self._in_library = self._in_library, before
+            try:
+                return then()
+            finally:
+                self._in_library = inside
+
+        self._in_library = False
+        try:
+            return self.body([goal], resumed, lambda: FAIL)
+        finally:
+            self._in_library = before
 
     def undefined(self, name: str, arity: int) -> Tree:
         """A goal for which there is neither a rule nor a builtin that can be lowered."""
@@ -450,6 +475,7 @@ class Unfolder:
         if known is None:
             if key in self._under_way or len(self._under_way) >= _MOST_CALLS:
                 self.refuse(f"it calls {predicate.name}/{predicate.arity} in a circle (recursion)")
+            before, self._in_library = self._in_library, predicate.program is library().program
             self._calls.append(predicate.indicator)
             self._under_way.append(key)
             try:
@@ -457,6 +483,7 @@ class Unfolder:
             finally:
                 self._under_way.pop()
                 self._calls.pop()
+                self._in_library = before
             self._known[key] = known
         return known
 
