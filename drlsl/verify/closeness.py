@@ -6,7 +6,8 @@ fails, from 0 to 1, anything else with 1. Each loop of the program is an axis, t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -120,33 +121,44 @@ class Closeness:
 
     def _some(self, node: Node, wanted: bool) -> Array:
         """Of the rows that a quantifier visits, the one that comes closest; or all of them together."""
-        loop, cond = node.args
-        axis, missing = self._enter(loop)
-        far = self._far(cond, wanted)
+        with self._visiting(node) as (axis, missing):
+            far = self._far(node.args[1], wanted)
         if wanted:
             return np.asarray(np.min(missing + far, axis=axis, keepdims=True))
         return np.asarray(np.sum(np.where(missing > 0, 0.0, far), axis=axis, keepdims=True))
 
     # ---------------------------------------------------------------- rows
 
-    def _enter(self, loop: Node) -> tuple[int, Array]:
-        """The axis of a loop, and by row how far the loop is from visiting it."""
-        level = loop.data
+    @contextmanager
+    def _visiting(self, node: Node) -> Iterator[tuple[int, Array]]:
+        """Give a quantifier's loop an axis; yields it, and by row how far the loop is from visiting it."""
+        # the levels of loops tell those apart that rules nest; those in conditions on rows may be the same
+        taken = {self._axis[other] for other in node.free}
+        level = next(level for level in range(len(taken) + 1) if level not in taken)
+        loop = node.args[0]
+        with self._at(loop, level):
+            rows = loop.args[0]
+            far = np.zeros(1)
+            while rows.op == "where":
+                rows, inner, cond = rows.args
+                with self._at(inner, level):
+                    far = far + self._far(cond, True)
+            relation = relation_of(loop)
+            there = self._valid[relation.name, relation.arity]
+            if rows.op == "others":
+                there = there & (np.arange(there.shape[0]) > 0)[:, None]
+            yield -(level + 2), self._along(np.where(there, 0.0, 1.0), level) + far
+
+    @contextmanager
+    def _at(self, loop: Node, level: int) -> Iterator[None]:
+        """Have a loop on an axis; a quantifier around may use the same loop on another."""
+        outer = self._axis.get(loop)
         self._axis[loop] = level
-        rows = loop.args[0]
-        far = np.zeros(1)
-        while rows.op == "where":
-            rows, inner, cond = rows.args
-            outer = self._axis.get(inner, level)
-            self._axis[inner] = level
-            far = far + self._far(cond, True)
-            self._axis[inner] = outer
-        relation = relation_of(loop)
-        there = self._valid[relation.name, relation.arity]
-        if rows.op == "others":
-            there = there & (np.arange(there.shape[0]) > 0)[:, None]
-        missing = self._along(np.where(there, 0.0, 1.0), level) + far
-        return -(level + 2), missing
+        yield
+        if outer is None:
+            del self._axis[loop]
+        else:
+            self._axis[loop] = outer
 
     def _along(self, rows: Array, level: int) -> Array:
         """Values by row with the rows along the axis of a loop."""
@@ -164,13 +176,12 @@ class Closeness:
             return self._along(np.arange(count)[:, None], self._axis[node])
         if node.op == "select":
             return np.where(self._holds(node.args[0]), *(self._index(arg) for arg in node.args[1:]))
-        loop, cond = node.args[:2]
-        axis, missing = self._enter(loop)
-        mask = (missing == 0) & self._holds(cond)
-        if node.op == "first":
-            return np.asarray(mask.argmax(axis=axis, keepdims=True))
-        least = node.op == "argmin"
-        value = np.where(mask, self._value(node.args[2]), np.inf if least else -np.inf)
+        with self._visiting(node) as (axis, missing):
+            mask = (missing == 0) & self._holds(node.args[1])
+            if node.op == "first":
+                return np.asarray(mask.argmax(axis=axis, keepdims=True))
+            least = node.op == "argmin"
+            value = np.where(mask, self._value(node.args[2]), np.inf if least else -np.inf)
         return np.asarray(
             value.argmin(axis=axis, keepdims=True) if least else value.argmax(axis=axis, keepdims=True)
         )
@@ -217,11 +228,11 @@ class Closeness:
 
     def _gathered(self, node: Node) -> Array:
         """A number that all rows together give."""
-        axis, missing = self._enter(node.args[0])
-        mask = (missing == 0) & self._holds(node.args[1])
-        if node.op == "count":
-            return np.asarray(np.count_nonzero(mask, axis=axis, keepdims=True))
-        value = self._value(node.args[2])
+        with self._visiting(node) as (axis, missing):
+            mask = (missing == 0) & self._holds(node.args[1])
+            if node.op == "count":
+                return np.asarray(np.count_nonzero(mask, axis=axis, keepdims=True))
+            value = self._value(node.args[2])
         if node.op == "sum":
             added = np.sum(np.where(mask, value, 0), axis=axis, keepdims=True)
             return np.asarray(self._value(node.args[3]) + added)

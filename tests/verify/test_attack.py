@@ -21,6 +21,8 @@ from drlsl.verify.drawn_facts import array_facts, exact_facts, float_facts, scen
 from drlsl.verify.exact import judge
 from drlsl.verify.properties import Book, load
 from drlsl.verify.ranges import Case, all_cases
+from tests.verify.test_dynamics import DYNAMICS, MOTION_SLIPS, SLIPS, changed
+from tests.verify.test_prove import MUTANTS, mutated
 
 RULES = default_rules()[0].parent
 EGO_SPEED = "vehicle(ego, _, _, _, V, _, _, _)"
@@ -220,3 +222,33 @@ def test_the_default_rules_hold_out() -> None:
         result = attack(book, one, Orders(ONE_WAY, 4, 6000))
         assert result.hit is None, one.name
         assert result.near > 0
+
+
+SOME_ERRORS = (
+    "missing vehicle: all but the first",
+    "half the braking needed",
+    "a front vehicle that comes too far",
+)
+ERRORS = [
+    pytest.param(kind, marks=() if kind in SOME_ERRORS else pytest.mark.slow)
+    for kind in (*MUTANTS, *SLIPS, *MOTION_SLIPS)
+]
+
+
+@pytest.mark.parametrize("kind", ERRORS)
+def test_errors_in_the_rules_are_found_without_a_solver(tmp_path: Path, kind: str) -> None:
+    if kind in MUTANTS:
+        name, changes = MUTANTS[kind]
+        book = load([mutated(tmp_path, changes)])
+    elif kind in SLIPS:
+        name, old, new = SLIPS[kind]
+        changed(tmp_path, old, new, ("highway.pl", "longitudinal.pl", "observation.pl"))
+        book = load([tmp_path / "highway.pl"], [DYNAMICS])
+    else:
+        name, old, new = MOTION_SLIPS[kind]
+        changed(tmp_path, old, new, ("dynamics.pl", "spec.pl"))
+        book = load([], [tmp_path / "dynamics.pl"])
+    prop = next(one for one in book.properties if one.name == name)
+    result = attack(book, prop, Orders(all_cases(), 6))
+    assert result.hit is not None
+    assert result.hit.kind == "exact"
