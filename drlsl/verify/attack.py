@@ -8,6 +8,7 @@ what breaks there of the interpreter, and what it confirms is judged in exact ar
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -373,9 +374,10 @@ class _Attacker:
             self._result.hit = hit
 
 
-def _badness(hit: Hit) -> tuple[int, Fraction]:
+def _badness(hit: Hit) -> tuple[int, float]:
+    """What is worse is greater; a distance that is not known is worse than any."""
     order: Sequence[Kind] = ("float", "open", "tiers", "exact")
-    return order.index(hit.kind), hit.amount or Fraction(0)
+    return order.index(hit.kind), math.inf if hit.amount is None else float(hit.amount)
 
 
 @dataclass(slots=True)
