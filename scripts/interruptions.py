@@ -146,9 +146,9 @@ def study(folder: Path, interruptions: int, episodes: int) -> Iterator[str]:
         how = draw.choice(["worker", "worker", "all", "alone", "Ctrl-C", "SIGTERM"])
         if how == "worker":
             if kill_worker(process, draw):
-                until(lambda: any((broken / "failures").iterdir()))
+                until(lambda: any(broken.glob("failures/*.json")))
                 # One failure of each task is forgiven; here there are more.
-                for path in (broken / "failures").iterdir():
+                for path in broken.glob("failures/*.json"):
                     path.unlink()
                 log.add(f"kill -9 of a worker, {progress(broken)} done")
             continue

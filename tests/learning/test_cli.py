@@ -129,7 +129,7 @@ def test_a_printed_config_prints_itself(tmp_path: Path, capsys: pytest.CaptureFi
         (["--set", "=1"], "expected KEY=VALUE"),
         (["--set", "seed=[1"], "the value is not valid YAML"),
         (["--preset", "huge"], "no preset 'huge': expected one of paper, quick, tiny"),
-        (["--config", "none.yaml"], "none.yaml: cannot read the configuration"),
+        (["--config", "none.yaml"], "cannot read the configuration none.yaml"),
         (["--method", "ppo"], "ppo"),
         (["--episodes", "many"], "'--episodes'"),
         (["--resume"], "name the run to go on with by --out"),
