@@ -70,6 +70,7 @@ class Instrumented:
 
     def __init__(self, engine: Engine) -> None:
         self._globals = engine.globals
+        self._tables = engine.program.tables
         self.points: list[Point] = []
         self.sources: list[str | None] = []
         self._entries: list[ClauseText] = []
@@ -83,6 +84,7 @@ class Instrumented:
         """Forget what was reached."""
         for key in [key for key in self._globals if key.startswith(_POINT)]:
             del self._globals[key]
+        self._tables.clear()  # so that the clauses of tabled predicates are run again
 
     def reached(self) -> set[int]:
         """The indexes of the points that were reached since `begin`."""

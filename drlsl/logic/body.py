@@ -72,7 +72,7 @@ class Node:
         self.target: Any = None  # CALL: the predicate
         self.function: Any = None  # DET, IN_PLACE, NONDET, CONTROL: the builtin; RAISE: makes the error
         self.other: Node | None = (
-            None  # BRANCH: what to do when the condition fails; EITHER: the second branch
+            None  # BRANCH, SOFT_CUT: what to do when the condition fails; EITHER: the second branch
         )
         self.slot = 0  # BRANCH, CUT, SOFT_CUT: the frame's slot with the height to cut back to
 
@@ -411,6 +411,7 @@ class BodyCompiler:
         node.other = other
         commit = Node(SOFT_CUT, then, self._clause)
         commit.slot = node.slot
+        commit.other = other
         node.next = self._goal(condition, commit, node.slot, 1)
         return node
 

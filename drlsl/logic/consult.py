@@ -11,17 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from drlsl.logic.body import callable_parts
-from drlsl.logic.builtins.arguments import indicators
+from drlsl.logic.builtins.arguments import indicators, items
 from drlsl.logic.builtins.database import name_term, split_clause
 from drlsl.logic.builtins.registry import CONTROL
+from drlsl.logic.conditions import Conditions
 from drlsl.logic.dcg import translate_rule
 from drlsl.logic.errors import (
+    ExistenceError,
     PrologError,
     PrologPermissionError,
     PrologSyntaxError,
     existence_error,
     instantiation_error,
     permission_error,
+    resource_error,
     syntax_error,
     type_error,
 )
@@ -29,10 +32,34 @@ from drlsl.logic.goals import CONTROL_ARGUMENTS
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.program import Clause, Indicator, Predicate
 from drlsl.logic.reader import ReadTerm, read_terms
-from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
 if TYPE_CHECKING:
     from drlsl.logic.engine import Engine
+
+# Directives of other systems that say nothing here: of modes, modules, documentation and code generation.
+_SKIPPED: Final = frozenset(
+    entry
+    for line in (
+        "mode/1 pred/1 meta_predicate/1 module_transparent/1 public/1 export/1 noprofile/1 volatile/1",
+        "non_terminal/1 det/1 license/1 license/2 encoding/1 expects_dialect/1 set_module/1",
+        "create_prolog_flag/3 set_stream/2 debug/1 nodebug/1 at_halt/1",
+    )
+    for entry in line.split()
+)
+# Flags of SWI-Prolog that change no answer.
+_SKIPPED_FLAGS: Final = frozenset(
+    entry
+    for line in (
+        "verbose verbose_load verbose_autoload autoload stack_limit table_space optimise optimise_unify gc",
+        "generate_debug_info last_call_optimisation answer_format answer_write_options color_term history",
+        "print_write_options debugger_write_options report_error warn_override_implicit_import",
+        "toplevel_prompt toplevel_var_size toplevel_print_anon",
+    )
+    for entry in line.split()
+)
+_USER: Final = Atom("user")
+_MOST_NESTED: Final = 100  # files that name files that name files
 
 # What no program may define anew besides control constructs: the builtin predicates of the standard.
 STANDARD: Final = frozenset(
@@ -80,6 +107,24 @@ class _CommaBefore(PrologPermissionError):
         return f"{super().message()}; the first goal here ends with a comma: should that be a full stop?"
 
 
+class _Circle(PrologPermissionError):
+    """A file that is to be read as a part of itself."""
+
+    def __init__(self, operation: str, path: Path, chain: Sequence[Path]) -> None:
+        super().__init__(permission_error(operation, "source_sink", Atom(str(path))).term)
+        self._chain = " -> ".join(each.name for each in (*chain, path))
+
+    def message(self) -> str:
+        return f"{super().message()}, since that is a circle: {self._chain}"
+
+
+class _Terminal(PrologPermissionError):
+    """Clauses that would have to be typed."""
+
+    def message(self) -> str:
+        return f"{super().message()}: rules come from files, and the terminal is none"
+
+
 @dataclass(frozen=True)
 class LoadWarning:
     """Something in a text that is probably not meant."""
@@ -92,36 +137,45 @@ class LoadWarning:
 
 
 class Loader:
-    """Loads one text, and what it includes, into an engine."""
+    """Loads one text, and what it includes, into an engine.
 
-    def __init__(self, engine: Engine, name: str, search: Sequence[Path] = ()) -> None:
+    `search` are the folders where the files that it names are looked for, after the one that it lies in.
+    """
+
+    def __init__(
+        self, engine: Engine, name: str, path: Path | None = None, search: Sequence[Path] = ()
+    ) -> None:
         self._engine = engine
         self._name = name
         self._search = search
+        # The files that are being read, each included by the one before; none for a string.
+        self.reading: list[Path] = [] if path is None else [path]
         self._errors: list[PrologError] = []
         self._seen: set[Indicator] = set()
         self._last: Indicator | None = None
         self._goals: list[tuple[Term, ReadTerm]] = []
         self._hides = False
-        self._directives: dict[Indicator, Callable[[tuple[Term, ...], ReadTerm, Path | None], None]] = {
+        self._directives: dict[Indicator, Callable[[tuple[Term, ...], ReadTerm], None]] = {
             ("include", 1): self._include,
-            ("ensure_loaded", 1): self._ensure_loaded,
-            ("consult", 1): self._ensure_loaded,
             ("abolish", 1): self._abolish,
             ("initialization", 1): self._initialization,
             ("initialization", 2): self._initialization,
             ("use_module", 1): self._use_module,
             ("use_module", 2): self._use_module,
+            ("reexport", 1): self._use_module,
+            ("reexport", 2): self._use_module,
             ("module", 2): self._module,
+            ("thread_local", 1): self._thread_local,
+            ("set_prolog_flag", 2): self._set_prolog_flag,
         }
 
-    def load(self, text: str, folder: Path | None) -> None:
-        """Load a text; `folder` is where the files that it names are looked for before the search path.
+    def load(self, text: str) -> None:
+        """Load a text.
 
         Raises:
             PrologError: What was wrong with it; a `ConsultError` if there was more than one thing.
         """
-        self._text(text, self._name, folder)
+        self._text(text, self._name)
         if self._hides:
             self._engine.linker.relink()
         if not self._errors:
@@ -130,26 +184,30 @@ class Loader:
         if self._errors:
             raise self._errors[0] if len(self._errors) == 1 else ConsultError(self._errors)
 
-    def _text(self, text: str, name: str, folder: Path | None) -> None:
+    def _text(self, text: str, name: str) -> None:
         reader = read_terms(text, self._engine.operators, self._engine.flags, name)
+        conditions = Conditions(self._holds)
         while True:
             try:
                 read = next(reader)
             except StopIteration:
-                return
+                break
             except PrologSyntaxError as error:
-                self._errors.append(error)
+                if not conditions.skipping:
+                    self._errors.append(error)
                 continue
             try:
-                self._term(read, folder)
+                if not conditions.take(read) and not conditions.skipping:
+                    self._term(read)
             except PrologError as error:
                 error.clause = error.clause or str(read.span)
                 self._errors.append(error)
+        self._errors.extend(conditions.unclosed())
 
-    def _term(self, read: ReadTerm, folder: Path | None) -> None:
+    def _term(self, read: ReadTerm) -> None:
         term = read.term
         if type(term) is Struct and term.name in (":-", "?-") and len(term.args) == 1:
-            self._directive(term.args[0], read, folder)
+            self._directive(term.args[0], read)
             return
         if read.singletons:
             names = ", ".join(read.singletons)
@@ -189,39 +247,134 @@ class Loader:
     def _warn(self, message: str, read: ReadTerm) -> None:
         self._engine.warnings.append(LoadWarning(message, str(read.span)))
 
+    def _warn_once(self, message: str, read: ReadTerm) -> None:
+        if all(warning.message != message for warning in self._engine.warnings):
+            self._warn(message, read)
+
     # ------------------------------------------------------------------ directives
 
-    def _directive(self, goal: Term, read: ReadTerm, folder: Path | None) -> None:
+    def _directive(self, goal: Term, read: ReadTerm) -> None:
         goal = deref(goal)
         name, args = callable_parts(goal)
         special = self._directives.get((name, len(args)))
+        indicator = f"{name}/{len(args)}"
         if special is not None:
-            special(args, read, folder)
+            special(args, read)
+        elif indicator in _SKIPPED and self._engine.program.find(name, len(args)) is None:
+            self._warn_once(f"{indicator} says nothing here and is skipped", read)
         else:
             self._run(goal, read)
 
     def _run(self, goal: Term, read: ReadTerm) -> None:
+        if self._succeeds(goal, read) is False:
+            self._warn("the directive failed", read)
+
+    def _succeeds(self, goal: Term, read: ReadTerm) -> bool | None:
+        """Whether a goal holds; None, with the error noted, where it raises one."""
         try:
-            if not self._engine.run_directive(goal):
-                self._warn("the directive failed", read)
+            return self._engine.run_directive(goal)
         except PrologError as error:
             error.clause = error.clause or str(read.span)
             self._errors.append(error)
+            return None
 
-    def _include(self, args: tuple[Term, ...], _read: ReadTerm, folder: Path | None) -> None:
-        path = find_file(args[0], folder, self._search)
-        self._text(read_source(path), str(path), path.parent)
+    def _holds(self, goal: Term, read: ReadTerm) -> bool:
+        """Whether the goal of an if/1 holds; one that raises an error does not."""
+        return self._succeeds(goal, read) is True
 
-    def _ensure_loaded(self, args: tuple[Term, ...], read: ReadTerm, folder: Path | None) -> None:
-        target = deref(args[0])
-        if type(target) is Struct and target.name == "library":
-            self._use_module(args, read, folder)
-            return
-        path = find_file(target, folder, self._search)
-        if path.resolve() not in self._engine.loaded:
+    # ------------------------------------------------------------------ files
+
+    def _named(self, file: Term) -> Path:
+        """The file that a term names."""
+        if deref(file) is _USER:
+            raise _Terminal(permission_error("load", "source_sink", _USER).term)
+        return find_file(file, self.reading[-1].parent if self.reading else None, self._search)
+
+    def _not_under_way(self, path: Path, operation: str) -> Path:
+        """A file that is to be read, now that it is known to be no part of itself.
+
+        Raises:
+            PrologError: It is, or too many files name each other.
+        """
+        chain = [each for loader in self._engine.loaders for each in loader.reading]
+        known = [each.resolve() for each in chain]
+        if path.resolve() in known:
+            raise _Circle(operation, path, chain[known.index(path.resolve()) :])
+        if len(chain) > _MOST_NESTED:
+            raise resource_error(f"more than {_MOST_NESTED} files that name each other")
+        return path
+
+    def _include(self, args: tuple[Term, ...], _read: ReadTerm) -> None:
+        path = self._not_under_way(self._named(args[0]), "include")
+        before = len(self._errors)
+        self.reading.append(path)
+        try:
+            self._text(read_source(path), str(path))
+        except PrologSyntaxError as error:
+            self._errors.append(error)
+        finally:
+            self.reading.pop()
+        if len(self._errors) > before and not _is_rule_file(path):
+            self._errors[before:] = [_not_shown(path, self._errors[before])]
+
+    def load_files(self, files: Term, *, again: bool) -> None:
+        """Load the file that a term names, or each of a list, also `again` if it was loaded before.
+
+        Raises:
+            PrologError: There is no such file, or something is wrong with it.
+            OSError: It cannot be read.
+        """
+        files = deref(files)
+        if files is NIL or (type(files) is Struct and files.name == "." and len(files.args) == 2):
+            for file in items(files):
+                self.load_files(file, again=again)
+        elif (module := _library_name(files)) is not None:
+            if not library().provides(module):
+                raise existence_error("library", files)
+        else:
+            path = self._named(files)
+            if again or path.resolve() not in self._engine.loaded:
+                self._load_file(self._not_under_way(path, "load"))
+
+    def _load_file(self, path: Path) -> None:
+        try:
             self._engine.consult(path, self._search)
+        except PrologError as error:
+            if _is_rule_file(path):
+                raise
+            raise _not_shown(path, error) from None
 
-    def _abolish(self, args: tuple[Term, ...], read: ReadTerm, _folder: Path | None) -> None:
+    def finds(self, file: Term) -> bool:
+        """Whether a term names a library or a file."""
+        module = _library_name(deref(file))
+        if module is not None:
+            return library().provides(module)
+        try:
+            self._named(file)
+        except ExistenceError:
+            return False
+        return True
+
+    def _use_module(self, args: tuple[Term, ...], _read: ReadTerm) -> None:
+        self.load_files(args[0], again=False)
+
+    def _module(self, _args: tuple[Term, ...], _read: ReadTerm) -> None:
+        """A module's predicates are all visible: there is one name space."""
+
+    # ------------------------------------------------------------------ other directives
+
+    def _thread_local(self, args: tuple[Term, ...], read: ReadTerm) -> None:
+        """An engine is its thread's own, so that such a predicate is dynamic."""
+        self._run(Struct("dynamic", args), read)
+
+    def _set_prolog_flag(self, args: tuple[Term, ...], read: ReadTerm) -> None:
+        flag = deref(args[0])
+        if type(flag) is Atom and flag.name in _SKIPPED_FLAGS:
+            self._warn_once(f"the flag {flag.name} says nothing here and is skipped", read)
+        else:
+            self._run(Struct("set_prolog_flag", args), read)
+
+    def _abolish(self, args: tuple[Term, ...], read: ReadTerm) -> None:
         """Forget static predicates that were loaded so far, so that this text may define them anew.
 
         The standard's abolish/1, which as a goal leaves static predicates alone, is no directive of its own.
@@ -236,30 +389,39 @@ class Loader:
             if predicate is None or predicate.dynamic:
                 self._run(Struct("abolish", (name_term(name, arity),)), read)
                 continue
+            predicate.tabled = None
             predicate.replace([])
             predicate.defined = False
             self._seen.discard((name, arity))
 
-    def _initialization(self, args: tuple[Term, ...], read: ReadTerm, _folder: Path | None) -> None:
+    def _initialization(self, args: tuple[Term, ...], read: ReadTerm) -> None:
         callable_parts(args[0])
         self._goals.append((args[0], read))
 
-    def _use_module(self, args: tuple[Term, ...], read: ReadTerm, folder: Path | None) -> None:
-        target = deref(args[0])
-        if type(target) is Struct and target.name == "library" and len(target.args) == 1:
-            module = deref(target.args[0])
-            if type(module) is Atom and library().provides(module.name):
-                return
-            raise existence_error("library", target)
-        self._ensure_loaded(args, read, folder)
 
-    def _module(self, _args: tuple[Term, ...], read: ReadTerm, _folder: Path | None) -> None:
-        """A module's predicates are all visible: there is one name space."""
+def _library_name(file: Term) -> str | None:
+    """What ``library(Name)`` names, "" where that is no name; None for any other term."""
+    if type(file) is not Struct or file.name != "library" or len(file.args) != 1:
+        return None
+    name = deref(file.args[0])
+    return name.name if type(name) is Atom else ""
 
 
 def _indicator(head: Term) -> Indicator:
     name, args = callable_parts(head)
     return name, len(args)
+
+
+def _is_rule_file(path: Path) -> bool:
+    """Whether lines of a file that a program names may be shown: it is meant to be one of rules."""
+    return path.suffix == ".pl"
+
+
+def _not_shown(path: Path, error: PrologError) -> PrologSyntaxError:
+    """What is wrong with a file that a program names and that may be anything, without a word of it."""
+    line = error.line if isinstance(error, PrologSyntaxError) else 0
+    message = "this is no Prolog text (what is wrong is only shown of files named *.pl)"
+    return PrologSyntaxError(syntax_error(message).term, file=str(path), line=line or 1, column=1)
 
 
 def read_source(path: Path) -> str:

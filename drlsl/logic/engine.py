@@ -119,7 +119,8 @@ class Engine:
         self.output: TextIO = sys.stdout if output is None else output
         self._standard_output = self.output if output is None else None
         self.warnings: list[LoadWarning] = []
-        self.loaded: set[Path] = set()
+        self.loaded: dict[Path, str] = {}  # the files that were loaded, by the names that they were given
+        self.loaders: list[Loader] = []  # what is being loaded, each on behalf of the one before
         self.alone = OneThread()
         """Keeps other threads out while it is held, for several calls that belong together."""
 
@@ -200,7 +201,7 @@ class Engine:
             OSError: The file cannot be read.
         """
         path = Path(path)
-        self._load(read_source(path), str(path), path.parent, path.resolve(), search)
+        self._load(read_source(path), str(path), path, search)
 
     def consult_text(self, text: str, name: str = "text") -> None:
         """Load a program from a string; `name` stands for a file's name in messages.
@@ -208,31 +209,49 @@ class Engine:
         Raises:
             PrologError: The text has errors, all of which the exception names; the program is as it was.
         """
-        self._load(text, name, None, None)
+        self._load(text, name, None)
 
-    def _load(
-        self, text: str, name: str, folder: Path | None, path: Path | None, search: Sequence[Path] = ()
-    ) -> None:
+    def load_files(self, files: Term, *, again: bool) -> None:
+        """Load the file that a term names, or each of a list, also `again` if it was loaded before.
+
+        They are looked for beside the file that is being loaded, else in the working directory.
+
+        Raises:
+            PrologError: There is no such file, or it has errors.
+            OSError: It cannot be read.
+        """
+        self._loader().load_files(files, again=again)
+
+    def finds(self, file: Term) -> bool:
+        """Whether a term names a file or a library that could be loaded."""
+        return self._loader().finds(file)
+
+    def _loader(self) -> Loader:
+        return self.loaders[-1] if self.loaders else Loader(self, "query")
+
+    def _load(self, text: str, name: str, path: Path | None, search: Sequence[Path] = ()) -> None:
         with self.alone:
-            self._load_inside(text, name, folder, path, search)
+            self._load_inside(text, name, path, search)
 
-    def _load_inside(
-        self, text: str, name: str, folder: Path | None, path: Path | None, search: Sequence[Path]
-    ) -> None:
+    def _load_inside(self, text: str, name: str, path: Path | None, search: Sequence[Path]) -> None:
         before = self.program.snapshot()
         operators, flags, warned = self.operators.copy(), self.flags.copy(), len(self.warnings)
-        loaded = set(self.loaded)
+        loaded = dict(self.loaded)
         if path is not None:
-            self.program.remove_source(name)
-            self.loaded.add(path)
+            for known in {name, self.loaded.get(path.resolve(), name)}:
+                self.program.remove_source(known)
+            self.loaded[path.resolve()] = name
+        self.loaders.append(Loader(self, name, path, search))
         try:
-            Loader(self, name, search).load(text, folder)
+            self.loaders[-1].load(text)
         except BaseException:  # an interrupt must not leave half a program either
             self.program.restore(before)
             self.linker.relink()
             self.operators, self.flags, self.loaded = operators, flags, loaded
             del self.warnings[warned:]
             raise
+        finally:
+            self.loaders.pop()
 
     def run_directive(self, goal: Term, output: TextIO | None = None) -> bool:
         """Prove a goal once, keeping no bindings; True if that succeeds."""
@@ -353,7 +372,7 @@ class Query:
         self._variables = tuple(shown.values())
         head: Term = Struct("$query", self._variables) if shown else Atom("$query")
         self._predicate = Predicate(engine.program, "$query", len(shown))
-        self._predicate.append(Clause(head, goal))
+        self._predicate.ask(Clause(head, goal))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The engine and the goal; a copy asks the engine's copy."""

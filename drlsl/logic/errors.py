@@ -154,10 +154,13 @@ class PrologSyntaxError(PrologError):
     def __str__(self) -> str:
         if not self.line:
             return super().__str__()
+        place = f"{self.file}:{self.line}:{self.column}: {self.message()}"
+        if not self.source:
+            return place
         shown = self.source.expandtabs(1)
         marks = max(1, min(self.width, len(shown) - self.column + 1))
         pointer = " " * (self.column - 1) + "~" * (marks - 1) + "^"
-        return f"{self.file}:{self.line}:{self.column}: {self.message()}\n{shown}\n{pointer}"
+        return f"{place}\n{shown}\n{pointer}"
 
 
 _CLASSES: Final[dict[str, type[PrologError]]] = {

@@ -33,6 +33,7 @@ _DEFAULTS: Final[dict[str, Term]] = {
     "double_quotes": Atom("codes"),
     "occurs_check": Atom("false"),
     "iso": Atom("true"),
+    "dialect": Atom("drlsl"),
 }
 
 

@@ -25,7 +25,7 @@ _EXPORT: Final = re.compile(r"\(?'?([^\s,'/()]+)'?\)?/(\d+)")
 
 # Libraries of SWI-Prolog whose predicates are builtins here, so that use_module/1 of them is no error.
 _BUILT_IN: Final = frozenset(
-    {"aggregate", "backcomp", "between", "error", "random", "terms", "system", "yall"}
+    {"aggregate", "backcomp", "between", "error", "random", "tabling", "terms", "system", "yall"}
 )
 
 
@@ -143,4 +143,4 @@ class Linker:
             if predicate.rows is None:
                 for clause in predicate.clauses:
                     clause.code = None
-            predicate.reset()
+            predicate.changed()

@@ -25,6 +25,7 @@ _DEFAULT: Final = (
     (200, "xfy", ("^",)),
     (200, "fy", ("-", "+", "\\")),
     (1150, "fx", ("dynamic", "discontiguous", "initialization", "multifile", "table")),
+    (1150, "fx", ("mode", "meta_predicate", "module_transparent", "public", "thread_local", "volatile")),
     (1050, "xfy", ("*->",)),
     (700, "xfx", ("=@=", "\\=@=")),
     (400, "yfx", ("xor",)),

@@ -7,13 +7,15 @@ the program's generation sees the predicate as it was when the iteration began: 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final, TypeAlias
 
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref
 
 Indicator: TypeAlias = tuple[str, int]
 Row: TypeAlias = tuple[Term, ...]
+
+_MOST_KEPT: Final = 200_000  # answers in the tables that a program keeps for later queries
 
 
 class Clause:
@@ -78,6 +80,7 @@ class Predicate:
         "_others",
         "_row_index",
         "arity",
+        "clauses_entry",
         "cold",
         "defined",
         "discontiguous",
@@ -88,6 +91,7 @@ class Predicate:
         "program",
         "rows",
         "start",
+        "tabled",
     )
 
     def __init__(self, program: Program, name: str, arity: int) -> None:
@@ -98,6 +102,8 @@ class Predicate:
         self.discontiguous = False
         self.multifile = False
         self.defined = False  # known to the program: it has or had clauses, or was declared
+        self.tabled: Any = None  # what answers a call from a table; None for a predicate without one
+        self.clauses_entry: Any = None  # the function that runs the clauses of a tabled predicate
         self.cold = 0  # how many calls the plain solver makes before they go through `entry`
         self.entry: Any = None  # the function that compiled code calls it by
         self._clauses: list[Clause] = []
@@ -118,6 +124,17 @@ class Predicate:
     def reset(self) -> None:
         """Forget the code that was made of the clauses."""
         self.entry = self.program.make_entry(self)
+
+    def changed(self) -> None:
+        """Forget the code that was made of the clauses, and every answer that was found with them."""
+        self.program.tables.clear()
+        self.reset()
+
+    def ask(self, clause: Clause) -> None:
+        """Take the clause of a query, which changes nothing for anybody else."""
+        clause.predicate = self
+        self._clauses = [clause]
+        self.defined = True
 
     @property
     def indicator(self) -> Indicator:
@@ -189,7 +206,7 @@ class Predicate:
         clause.predicate = self
         clauses.append(clause)
         self.defined = True
-        self.reset()
+        self.changed()
         if self._index is not None:
             if self.arity:
                 _index_clause(self._index, self._others, clause)
@@ -201,9 +218,10 @@ class Predicate:
         clause.predicate = self
         self._index = None
         self._clauses = [clause, *self.stored_clauses()[self.start :]]
+        self._dead -= self.start
         self.start = 0
         self.defined = True
-        self.reset()
+        self.changed()
 
     def replace(self, clauses: list[Clause]) -> None:
         """Take these clauses in place of whatever was there; iterations under way keep what they saw."""
@@ -213,7 +231,7 @@ class Predicate:
         self.start = 0
         self._clauses = clauses
         self.defined = True
-        self.reset()
+        self.changed()
         for clause in clauses:
             clause.predicate = self
 
@@ -226,7 +244,7 @@ class Predicate:
         self._dead = 0
         self.start = 0
         self.defined = True
-        self.reset()
+        self.changed()
 
     def erase(self, clause: Clause) -> bool:
         """Remove a clause; False when it was removed before."""
@@ -235,7 +253,7 @@ class Predicate:
         self.program.generation += 1
         clause.erased = self.program.generation
         self._dead += 1
-        self.reset()
+        self.changed()
         clauses = self._clauses
         start = self.start
         while start < len(clauses) and clauses[start].erased:
@@ -280,15 +298,48 @@ def _index_clause(index: dict[Any, list[Clause]], others: list[Clause], clause: 
         index[key] = [*others, clause]
 
 
+class Tables:
+    """The complete tables of a program, by predicate and call; any change of a clause drops them all."""
+
+    __slots__ = ("_answers", "_tables", "generation")
+
+    def __init__(self) -> None:
+        self._tables: dict[Any, Any] = {}
+        self._answers = 0
+        self.generation = 0  # how often they were dropped
+
+    def get(self, key: Any) -> Any:
+        """The table of a call; None where there is none."""
+        return self._tables.get(key)
+
+    def keep(self, tables: Mapping[Any, Any], generation: int) -> None:
+        """Keep tables for later calls, if no clause was changed since the generation that they began in."""
+        if generation != self.generation:
+            return
+        self._answers += sum(len(table.answers) + 1 for table in tables.values())
+        if self._answers > _MOST_KEPT:
+            self.clear()
+        else:
+            self._tables.update(tables)
+
+    def clear(self) -> None:
+        """Drop every table."""
+        self.generation += 1
+        self._answers = 0
+        if self._tables:
+            self._tables = {}
+
+
 class Program:
     """The predicates of one engine by name and arity."""
 
-    __slots__ = ("generation", "link", "make_entry", "predicates")
+    __slots__ = ("generation", "link", "make_entry", "predicates", "tables")
 
     def __init__(self, link: Callable[[Any, str, int], None], make_entry: Callable[[Predicate], Any]) -> None:
         self.make_entry = make_entry  # the function that compiled code calls a predicate by at first
         self.link = link  # fills in the node of a goal that a clause of this program calls
         self.predicates: dict[Indicator, Predicate] = {}
+        self.tables = Tables()
         self.generation = 1
 
     def get(self, name: str, arity: int) -> Predicate:
@@ -313,7 +364,10 @@ class Program:
         """Remove every clause that came from the named source."""
         for predicate in self.predicates.values():
             if predicate.rows is None and any(clause.source == source for clause in predicate.clauses):
-                predicate.replace([clause for clause in predicate.clauses if clause.source != source])
+                left = [clause for clause in predicate.clauses if clause.source != source]
+                if not left:
+                    predicate.tabled = None
+                predicate.replace(left)
 
     def snapshot(self) -> dict[Indicator, tuple[Any, ...]]:
         """What `restore` needs to bring back the program as it is now."""
@@ -325,6 +379,7 @@ class Program:
                 predicate.discontiguous,
                 predicate.multifile,
                 predicate.defined,
+                predicate.tabled,
             )
             for key, predicate in self.predicates.items()
         }
@@ -332,9 +387,12 @@ class Program:
     def restore(self, snapshot: dict[Indicator, tuple[Any, ...]]) -> None:
         """Bring back the program as it was when the snapshot was taken."""
         for key, predicate in self.predicates.items():
-            clauses, rows, dynamic, discontiguous, multifile, defined = snapshot.get(
-                key, ([], None, False, False, False, False)
+            clauses, rows, dynamic, discontiguous, multifile, defined, tabled = snapshot.get(
+                key, ([], None, False, False, False, False, None)
             )
+            if predicate.tabled is not tabled:
+                predicate.tabled = tabled
+                predicate.changed()
             if rows is not None:
                 predicate.replace_rows(rows)
             elif len(predicate) != len(clauses) or list(predicate.clauses) != clauses:

@@ -16,6 +16,7 @@ from drlsl.logic.explanation import Explanation, Step, shown, value
 from drlsl.logic.program import Clause, Predicate
 from drlsl.logic.reader import ReadTerm, Span
 from drlsl.logic.solver import FOUND, LimitExceeded, Limits, Machine
+from drlsl.logic.tabling import variant_key
 from drlsl.logic.terms import TRUE, Struct, Term, Var, deref
 from drlsl.logic.unify import copy_term, undo, unify
 
@@ -127,6 +128,7 @@ class _Search:
         self.max_depth = max_depth
         self.tried = 0
         self.trail: list[Var] = []
+        self.tabled: set[object] = set()  # the calls of tabled predicates that are being explained
 
     # What steps say.
 
@@ -352,7 +354,20 @@ class _Search:
             return self._leaf(goal, "goal" if own else "builtin")
         if target.rows is not None:
             return self._rows(goal, target, args)
+        if target.tabled is not None:
+            return self._tabled(goal, target, args, depth)
         return self._clauses(goal, target, depth)
+
+    def _tabled(self, goal: _Goal, predicate: Predicate, args: tuple[Term, ...], depth: int) -> _Proofs:
+        """The proofs of a tabled predicate's call: one inside itself is answered by the table."""
+        call = predicate, variant_key(args)
+        if call in self.tabled:
+            return (yield from self._leaf(goal, "goal"))
+        self.tabled.add(call)
+        try:
+            return (yield from self._clauses(goal, predicate, depth))
+        finally:
+            self.tabled.discard(call)
 
     def _leaf(self, goal: _Goal, kind: str) -> _Proofs:
         """What the solver answers."""

@@ -6,6 +6,7 @@ Source: ISO 13211-1 6.2 (text).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from drlsl.logic.errors import PrologSyntaxError, syntax_error
 from drlsl.logic.flags import Flags
@@ -14,6 +15,10 @@ from drlsl.logic.parser import NUMBERS, Parser, ReadTerm
 from drlsl.logic.tokens import END, EOF, QUOTED, SYMBOL, UNCLOSED_COMMENT, Source, Span, Tokens
 
 __all__ = ["ReadTerm", "Reader", "Source", "Span", "is_complete", "parse_number", "read_term", "read_terms"]
+
+
+BYTE_ORDER_MARK: Final = "\ufeff"
+"""What some editors write before the text of a file."""
 
 
 class Reader:
@@ -25,6 +30,7 @@ class Reader:
     __slots__ = ("_flags", "_parser", "_tokens", "source")
 
     def __init__(self, text: str, operators: Operators, flags: Flags, name: str = "user") -> None:
+        text = text.removeprefix(BYTE_ORDER_MARK)
         self.source = Source(text, name)
         self._flags = flags
         self._parser = Parser(self.source, operators, flags)
@@ -70,7 +76,7 @@ def read_term(text: str, operators: Operators, flags: Flags, name: str = "user")
     Raises:
         PrologSyntaxError: the text is not exactly one term.
     """
-    source = Source(text, name)
+    source = Source(text.removeprefix(BYTE_ORDER_MARK), name)
     stream = Tokens(source, flags)
     tokens = stream.clause()
     kind, word, start = tokens[-1]

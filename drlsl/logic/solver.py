@@ -77,6 +77,7 @@ class Machine:
         "choices",
         "compiled",
         "engine",
+        "evaluations",
         "flags",
         "found",
         "globals",
@@ -107,6 +108,7 @@ class Machine:
         self.choices: list[Choice] = [(exhausted, 0)]
         self.compiled: bool = engine.compiled
         self.found = False
+        self.evaluations: Any = None  # the tables that are being filled, once there is one
         self.limits = limits
         self.inferences = 0
         self._deadline = None if limits.seconds is None else time.monotonic() + limits.seconds
@@ -340,6 +342,12 @@ def exit_catch(machine: Machine, task: Task) -> Task:
     return continuation
 
 
+def collect(_machine: Machine, task: Task) -> Task:
+    """Keep a copy of a findall/3's template, and look for the next solution."""
+    task[2].append(copy_term(task[1]))
+    return FAIL
+
+
 def retry_generator(machine: Machine, choice: Choice) -> Task:
     """The choice point of a nondeterministic builtin: ask for its next solution."""
     machine.left -= 1
@@ -417,6 +425,21 @@ def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuat
 
 def interpret(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
     """Call a predicate with dereferenced arguments, clause by clause as it stands in the program."""
+    if predicate.tabled is not None:
+        task: Task = predicate.tabled(machine, predicate, args, continuation)
+        return task
+    return try_all(machine, predicate, args, continuation)
+
+
+def run_clauses(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
+    """Run the clauses of a tabled predicate, by their compiled code if the engine uses such."""
+    if machine.compiled:
+        return (predicate.clauses_entry, 0, None, *args, continuation)
+    return try_all(machine, predicate, args, continuation)
+
+
+def try_all(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
+    """Try the clauses or rows of a predicate."""
     first = args[0] if args else NIL
     if predicate.rows is not None:
         return try_rows(machine, predicate.candidate_rows(first), 0, args, continuation)

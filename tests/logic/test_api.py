@@ -156,7 +156,7 @@ def test_a_file_that_is_no_utf_8_is_a_syntax_error_with_its_place(
 def test_a_missing_file_is_an_os_error(engine: Engine, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         engine.consult(tmp_path / "missing.pl")
-    assert engine.loaded == set()
+    assert not engine.loaded
 
 
 def test_every_error_of_a_text_is_reported_with_its_place(engine: Engine) -> None:

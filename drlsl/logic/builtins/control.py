@@ -16,6 +16,7 @@ from drlsl.logic.solver import (
     CatchPoint,
     Machine,
     Task,
+    collect,
     enter,
     exit_catch,
     exit_cleanup,
@@ -161,12 +162,6 @@ def begin_findall(machine: Machine, found: list[Term], result: Term, continuatio
     """The choice point of a findall/3 that goes on when its goal has no more solutions."""
     check_partial_list(result)
     return _finish_findall, len(machine.trail), found, result, None, continuation
-
-
-def collect(_machine: Machine, task: Task) -> Task:
-    """Keep a copy of a findall/3's template, and look for the next solution."""
-    task[2].append(copy_term(task[1]))
-    return FAIL
 
 
 def _finish_findall(machine: Machine, choice: Task) -> Task:

@@ -277,6 +277,8 @@ def _properties(predicate: Predicate) -> list[Term]:
         found.append(Atom("discontiguous"))
     if predicate.multifile:
         found.append(Atom("multifile"))
+    if predicate.tabled is not None:
+        found.append(Atom("tabled"))
     found.append(Struct("number_of_clauses", (len(predicate),)))
     return found
 

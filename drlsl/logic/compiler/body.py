@@ -8,7 +8,7 @@ to the trampoline as a task, with what follows it as a new function and the vari
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -135,6 +135,7 @@ class BodyEmitter:
             if number is not None and number in names:
                 inner.numbers[variable] = number
         inner.integers = scope.integers & set(names)
+        function.commits = any(_cuts(goal, inner.names) for goal in goals)
         ignored = "_, _, " if first else "_, "
         function.emit(f"{ignored}{', '.join([*names, 'k'])} = t")
         function.emit("trail = m.trail; choices = m.choices")
@@ -175,7 +176,7 @@ class BodyEmitter:
     def _call(self, place: Place, name: str, args: Sequence[Term], rest: list[Term]) -> None:
         function, scope = place.function, place.scope
         op, target = self._resolve(name, len(args))
-        if op == CALL and args and target.rows is not None:
+        if op == CALL and args and target.rows is not None and target.tabled is None:
             self._call_rows(place, name, args, rest, target)
         parts = [build(function, scope, arg) for arg in args]
         if not rest and place.loop is not None and (name, len(args)) == self.key:
@@ -592,6 +593,18 @@ def has_cut(goal: Term) -> bool:
     while todo:
         term = deref(todo.pop())
         if _is_cut(term) or is_atom(term, "!"):
+            return True
+        if type(term) is Struct and len(term.args) == 2 and term.name in (",", ";", "->", "*->"):
+            todo.extend(term.args)
+    return False
+
+
+def _cuts(goal: Term, known: Mapping[Var, str]) -> bool:
+    """Whether a goal, after `with_cuts`, removes choice points that were made before it."""
+    todo = [goal]
+    while todo:
+        term = deref(todo.pop())
+        if _is_cut(term) and term.args[0] in known:  # type: ignore[union-attr, index]  # a variable of _height
             return True
         if type(term) is Struct and len(term.args) == 2 and term.name in (",", ";", "->", "*->"):
             todo.extend(term.args)

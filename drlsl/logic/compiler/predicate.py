@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from drlsl.logic.arithmetic import evaluate
-from drlsl.logic.builtins.control import begin_findall, collect
+from drlsl.logic.builtins.control import begin_findall
 from drlsl.logic.compiler.body import BodyEmitter, Place, has_cut
 from drlsl.logic.compiler.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
 from drlsl.logic.compiler.matching import emit_deref, emit_known, emit_match
 from drlsl.logic.compiler.writer import Module, Namespace, Scope
 from drlsl.logic.program import Clause, Predicate, index_key
-from drlsl.logic.solver import FAIL, cut, soft_cut, start_generator
+from drlsl.logic.solver import FAIL, collect, cut, soft_cut, start_generator
 from drlsl.logic.terms import Atom, Struct, Var, deref
 from drlsl.logic.unify import undo, unify
 
@@ -57,10 +57,12 @@ class _PredicateCompiler:
     def __init__(self, predicate: Predicate, linker: Any) -> None:
         self._clauses = list(predicate.clauses)
         self._module = Module(f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME))
-        self._emitter = BodyEmitter(self._module, linker, (predicate.name, predicate.arity))
+        # A call of a tabled predicate by itself is one like any other: it asks the table.
+        own = (predicate.name, predicate.arity) if predicate.tabled is None else ("", -1)
+        self._emitter = BodyEmitter(self._module, linker, own)
         self._args = [f"a{index}" for index in range(predicate.arity)]
         self._function = self._module.function("entry")
-        self._holes = open_positions(self._clauses, (predicate.name, predicate.arity))
+        self._holes = open_positions(self._clauses, own)
 
     def compile(self) -> Any:
         """Emit and load the code."""

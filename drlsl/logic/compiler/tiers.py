@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from drlsl.logic.errors import PrologError
 from drlsl.logic.program import Predicate
-from drlsl.logic.solver import Machine, Task, interpret
+from drlsl.logic.solver import Machine, Task, interpret, try_all
 from drlsl.logic.terms import Struct, deref
 
 PATIENCE: Final = 12.0
@@ -26,7 +26,11 @@ def cold_entry(linker: Any, predicate: Predicate) -> Any:
     """The function that calls a predicate which has no code of its own yet, once its cold calls are spent."""
     # What is not defined is left to the plain solver, which says where it was called.
     predicate.cold = int(PATIENCE * _SMALL) if predicate.defined else sys.maxsize
-    return partial(_call_cold, linker, predicate, measured=False)
+    cold = partial(_call_cold, linker, predicate, measured=False)
+    if predicate.tabled is None:
+        return cold
+    predicate.clauses_entry = cold
+    return partial(_call_tabled, predicate)
 
 
 def _call_cold(linker: Any, predicate: Predicate, machine: Machine, task: Task, *, measured: bool) -> Task:
@@ -38,21 +42,32 @@ def _call_cold(linker: Any, predicate: Predicate, machine: Machine, task: Task, 
         predicate.cold -= 1
     elif not measured:
         predicate.cold = int(PATIENCE * max(0, _size(predicate) - _SMALL))
-        predicate.entry = partial(_call_cold, linker, predicate, measured=True)
-        again: Task = predicate.entry(machine, task)
+        again: Task = _settle(predicate, partial(_call_cold, linker, predicate, measured=True))(machine, task)
         return again
     else:
         entry = _compile(linker, predicate)
+        _settle(predicate, entry or partial(_call_plain, predicate))
         if entry is not None:
-            predicate.entry = entry
             compiled: Task = entry(machine, task)
             return compiled
         predicate.cold = sys.maxsize
-        predicate.entry = partial(_call_plain, predicate)
     return _call_plain(predicate, machine, task)
 
 
+def _settle(predicate: Predicate, entry: Any) -> Any:
+    """Have the clauses of a predicate run by a function."""
+    if predicate.tabled is None:
+        predicate.entry = entry
+    else:
+        predicate.clauses_entry = entry
+    return entry
+
+
 def _call_plain(predicate: Predicate, machine: Machine, task: Task) -> Task:
+    return try_all(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
+
+
+def _call_tabled(predicate: Predicate, machine: Machine, task: Task) -> Task:
     return interpret(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
 
 

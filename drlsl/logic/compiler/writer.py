@@ -59,6 +59,7 @@ class Function:
         self.module = module
         self.lines: list[tuple[str, Any]] = []
         self.indent = 1
+        self.commits = False  # whether it removes choice points that were made before it is called
         self._info: Any = None
 
     def emit(self, text: str) -> None:
@@ -103,7 +104,10 @@ class Module:
         return function
 
     def load(self) -> dict[str, Any]:
-        """Have Python compile the functions; returns their globals, with ``LINES`` for `error_context`."""
+        """Have Python compile the functions; returns their globals.
+
+        ``LINES`` of these is for `add_context`, ``COMMITS`` has the names of the functions that commit.
+        """
         text: list[str] = []
         info: dict[int, Any] = {}
         for function in self.functions:
@@ -114,6 +118,7 @@ class Module:
                     info[len(text)] = about
         values = self.namespace.values
         values["LINES"] = info
+        values["COMMITS"] = frozenset(function.name for function in self.functions if function.commits)
         exec(compile("\n".join(text), f"<prolog {self.title}>", "exec"), values)  # noqa: S102  (our own code)
         return values
 

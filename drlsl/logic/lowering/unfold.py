@@ -346,6 +346,8 @@ class Unfolder:
             predicate = library().program.find(name, len(args))
         if predicate is None:
             return self.undefined(name, len(args))
+        if predicate.tabled is not None:
+            self.refuse(f"{name}/{len(args)} is tabled")
         if predicate.dynamic:
             self.refuse(f"{name}/{len(args)} is dynamic, and the schema does not say what its facts are")
         return self.call(predicate, args, then)
