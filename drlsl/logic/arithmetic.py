@@ -72,6 +72,9 @@ def _evaluate_rare(term: Struct, values: list[Number], machine: Machine, nested:
     """A functor that is no ordinary operation; `values` holds the arguments' values if they are known."""
     name, arity = term.name, len(term.args)
     if name == "." and arity == 2 and deref(term.args[1]) is NIL:
+        char = deref(term.args[0])
+        if type(char) is Atom and len(char.name) == 1 and not machine.flags.iso:
+            return ord(char.name)
         return values[0] if values else evaluate(term.args[0], machine, nested + 1)
     if name == "powm" and arity == 3:
         base, exponent, modulus = (
@@ -168,6 +171,41 @@ def to_float(value: Number) -> float:
         raise evaluation_error("float_overflow") from None
 
 
+# ---------------------------------------------------------------------- comparison
+
+
+def of_one_type(left: Number, right: Number) -> tuple[Number, Number]:
+    """Two numbers as they are compared: an integer beside a float is made a float too.
+
+    One beyond the floats stays, and compares as the greater or the less that it is.
+
+    Source: ISO 13211-1, 8.7.1 with 9.1.4.1.
+    """
+    if type(left) is not type(right):
+        try:
+            return float(left), float(right)
+        except OverflowError:
+            pass
+    return left, right
+
+
+COMPARISONS: Final[dict[str, Callable[[Any, Any], bool]]] = {
+    "=:=": operator.eq,
+    "=\\=": operator.ne,
+    "<": operator.lt,
+    "=<": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+"""What holds of two numbers of one type, by the name of the comparison."""
+
+
+def comparison(name: str) -> Callable[[Number, Number], bool]:
+    """What holds of two numbers of any type."""
+    holds = COMPARISONS[name]
+    return lambda left, right: holds(*of_one_type(left, right))
+
+
 # ---------------------------------------------------------------------- operations of two numbers
 
 Binary: TypeAlias = Callable[[Any, Any, "Machine"], Number]
@@ -239,6 +277,12 @@ def _shift_right(left: int, right: int) -> int:
     return _shift_left(left, -right) if right < 0 else left >> right
 
 
+def _get_bit(value: int, bit: int) -> int:
+    if bit < 0:
+        raise type_error("not_less_than_zero", bit)
+    return (value >> bit) & 1
+
+
 def _divide(left: Number, right: Number, machine: Machine) -> Number:
     if right == 0 and (type(right) is int or machine.flags.iso or left == 0):
         raise evaluation_error("undefined" if left == 0 else "zero_divisor")
@@ -287,19 +331,28 @@ def _star_power(left: Number, right: Number, machine: Machine) -> Number:
 
 
 def _maximum(left: Number, right: Number, _machine: Machine) -> Number:
-    if left == right:
-        return left if type(left) is float else right
-    return left if left > right or _is_nan(left) else right
+    one, other = of_one_type(left, right)
+    if one == other:
+        return _of_equals(left, right, 1.0)
+    return left if one > other or _is_nan(left) else right
 
 
 def _minimum(left: Number, right: Number, _machine: Machine) -> Number:
-    if left == right:
-        return left if type(left) is int else right
-    return left if left < right or _is_nan(left) else right
+    one, other = of_one_type(left, right)
+    if one == other:
+        return _of_equals(left, right, -1.0)
+    return left if one < other or _is_nan(left) else right
 
 
-def _arc_tangent(left: Number, right: Number, _machine: Machine) -> float:
-    if left == 0 and right == 0:
+def _of_equals(left: Number, right: Number, sign: float) -> Number:
+    """Of two equal numbers the float, as SWI-Prolog has it; of two zeros one with the sign."""
+    if type(left) is type(right) is float:
+        return left if math.copysign(1.0, left) == sign else right
+    return left if type(left) is float else right
+
+
+def _arc_tangent(left: Number, right: Number, machine: Machine) -> float:
+    if left == 0 and right == 0 and machine.flags.iso:
         raise evaluation_error("undefined")
     return math.atan2(to_float(left), to_float(right))
 
@@ -339,7 +392,7 @@ BINARY: Final[dict[str, Binary]] = {
     "xor": _integers(operator.xor),
     "gcd": _integers(math.gcd),
     "lcm": _integers(math.lcm),
-    "getbit": _integers(lambda value, bit: (value >> bit) & 1),
+    "getbit": _integers(_get_bit),
     "atan2": _arc_tangent,
     "atan": _arc_tangent,
     "copysign": _copy_sign,
@@ -432,7 +485,7 @@ def generator(machine: Machine) -> random.Random:
 def _random(value: Number, machine: Machine) -> int:
     bound = _integer(value)
     if bound < 1:
-        raise type_error("not_less_than_one", bound)
+        raise domain_error("not_less_than_one", bound)
     return generator(machine).randrange(bound)
 
 
@@ -469,6 +522,9 @@ UNARY: Final[dict[str, Unary]] = {
     "asinh": _of_float(math.asinh),
     "acosh": _of_float(math.acosh),
     "atanh": _of_float(math.atanh),
+    "erf": _of_float(math.erf),
+    "erfc": _of_float(math.erfc),
+    "lgamma": _of_float(math.lgamma),
     "cot": _of_float(lambda value: 1.0 / math.tan(value)),
     "acot": _of_float(lambda value: math.atan(1.0 / value)),
     "random": _random,
@@ -493,14 +549,4 @@ _CHANGING: Final[dict[str, Callable[[Machine], Number]]] = {
     "random_float": lambda machine: generator(machine).random(),
     "cputime": lambda _machine: time.process_time(),
     "realtime": lambda _machine: int(time.time()),
-}
-
-
-COMPARISONS: Final[dict[str, Callable[[Any, Any], bool]]] = {
-    "=:=": operator.eq,
-    "=\\=": operator.ne,
-    "<": operator.lt,
-    "=<": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
 }

@@ -334,7 +334,7 @@ class Engine:
     def format(self, value: Value) -> str:
         """The text of a solution's value, with the engine's operators; it reads back as the same term."""
         variables: dict[str, Var] = {}
-        term = to_term(value, variables)
+        term = to_term(value, variables, allow_nan=True)
         names = {id(variable): name for name, variable in variables.items()}
         return format_term(term, self.operators, quoted=True, variable_names=names)
 

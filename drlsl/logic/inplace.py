@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
-from drlsl.logic.arithmetic import BINARY, UNARY, Number, evaluate
+from drlsl.logic.arithmetic import BINARY, COMPARISONS, UNARY, Number, evaluate, of_one_type
 from drlsl.logic.body import DeepPattern, Local, Pattern, build
-from drlsl.logic.builtins.arith import COMPARISONS
 from drlsl.logic.builtins.registry import DET
 from drlsl.logic.terms import Var
 from drlsl.logic.unify import unify
@@ -65,7 +64,10 @@ def _is(machine: Any, parts: tuple[Any, ...], frame: Frame) -> bool:
 
 def _comparison(holds: Callable[[Any, Any], bool]) -> InPlace:
     def compare(machine: Any, parts: tuple[Any, ...], frame: Frame) -> bool:
-        return holds(value_of(parts[0], frame, machine), value_of(parts[1], frame, machine))
+        left, right = value_of(parts[0], frame, machine), value_of(parts[1], frame, machine)
+        if type(left) is not type(right):
+            left, right = of_one_type(left, right)
+        return holds(left, right)
 
     return compare
 

@@ -112,9 +112,9 @@ def call_table(machine: Machine, predicate: Predicate, args: Sequence[Term], con
     table = predicate.program.tables.get(key)
     if table is not None:
         return _read(machine, table, 0, variables, continuation)
+    if machine.evaluations is None:
+        machine.evaluations = Evaluations()
     open_: Evaluations = machine.evaluations
-    if open_ is None:
-        open_ = machine.evaluations = Evaluations()
     open_.drop_abandoned(machine.choices)
     table = open_.tables.get(key)
     if table is not None and table.done:

@@ -144,18 +144,18 @@ def _text(value: Value) -> str:
     return format_integer(value) if isinstance(value, int) else str(value)
 
 
-def to_term(value: Any, variables: dict[str, Var] | None = None) -> Term:
+def to_term(value: Any, variables: dict[str, Var] | None = None, *, allow_nan: bool = False) -> Term:
     """A Python value as a term: the inverse of `to_value`. Terms stay as they are.
 
     `variables` holds, and receives, the variables by their names.
 
     Raises:
         TypeError: The value is nothing that a term can be made of; a bool in particular.
-        ValueError: A list contains itself, or a number is NaN.
+        ValueError: A list contains itself, or a number is NaN and that is not allowed.
     """
     known = {} if variables is None else variables
     if not isinstance(value, _COMPOUND):
-        return _simple_term(value, known)
+        return _simple_term(value, known, allow_nan)
     made: dict[int, Term] = {}
     begun: set[int] = set()
     todo = [value]
@@ -171,7 +171,8 @@ def to_term(value: Any, variables: dict[str, Var] | None = None) -> Term:
             continue
         todo.pop()
         terms = [
-            made[id(each)] if isinstance(each, _COMPOUND) else _simple_term(each, known) for each in inside
+            made[id(each)] if isinstance(each, _COMPOUND) else _simple_term(each, known, allow_nan)
+            for each in inside
         ]
         made[id(part)] = Struct(part.name, tuple(terms)) if isinstance(part, Compound) else make_list(terms)
     return made[id(value)]
@@ -180,7 +181,9 @@ def to_term(value: Any, variables: dict[str, Var] | None = None) -> Term:
 _COMPOUND: Final = (list, tuple, Compound)
 
 
-def _simple_term(value: Any, known: dict[str, Var]) -> Term:
+def _simple_term(value: Any, known: dict[str, Var], allow_nan: bool) -> Term:
+    if allow_nan and type(value) is float:
+        return value
     if isinstance(value, (Var, Struct)):
         return value
     if isinstance(value, String):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -185,6 +187,16 @@ def test_loading_anew_unsays_a_table(tmp_path: Path) -> None:
     assert engine.holds("findall(X, p(X), [1, 1]), \\+ predicate_property(p(_), tabled)")
 
 
+def test_copies_of_an_engine_have_tables_of_their_own(compiled: bool) -> None:
+    engine = loaded(PATHS, compiled=compiled)
+    assert len(found(engine, "path(X, Y)")) == 12
+    for twin in (copy.deepcopy(engine), pickle.loads(pickle.dumps(engine))):
+        assert found(twin, "path(4, X)") == set()
+        twin.consult_text("edge(4, 1).", "more")
+        assert found(twin, "path(4, X)") == {("1",)}
+    assert len(found(engine, "path(X, Y)")) == 12
+
+
 # ---------------------------------------------------------------------- declarations and limits
 
 
@@ -220,7 +232,7 @@ def test_what_cannot_be_tabled_is_refused(declaration: str, what: str) -> None:
     "clauses",
     ["p(X) :- p(Y), X is Y + 1.\np(0).", "p(f(X)) :- p(X).\np(0).", "p(X) :- repeat, p(X)."],
 )
-@pytest.mark.parametrize("limits", [Limits(inferences=20_000), Limits(seconds=0.3)])
+@pytest.mark.parametrize("limits", [Limits(inferences=5_000), Limits(seconds=0.3)])
 def test_limits_bind(compiled: bool, clauses: str, limits: Limits) -> None:
     engine = loaded(f":- table p/1, q/1.\n{clauses}\nq(1).", compiled=compiled)
     for goal in ("p(_)", "p(X)", "p(X), X = 1"):

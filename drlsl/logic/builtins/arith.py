@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
-from drlsl.logic.arithmetic import evaluate, generator
+from drlsl.logic.arithmetic import COMPARISONS, evaluate, generator, of_one_type
 from drlsl.logic.builtins.arguments import integer
 from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
@@ -23,22 +22,11 @@ def is_(machine: Machine, result: Term, expression: Term) -> bool:
     return machine.unify(result, value)
 
 
-# Source: ISO 13211-1, 8.7.1.
-COMPARISONS: Final[dict[str, Callable[[Any, Any], bool]]] = {
-    "=:=": operator.eq,
-    "=\\=": operator.ne,
-    "<": operator.lt,
-    "=<": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-}
-"""What holds of two numbers, by the name of the comparison."""
-
-
 def _declare_comparison(name: str, holds: Callable[[Any, Any], bool]) -> None:
     @det(name, 2)
     def comparison(machine: Machine, left: Term, right: Term) -> bool:
-        return holds(evaluate(left, machine), evaluate(right, machine))
+        """Source: ISO 13211-1, 8.7.1."""
+        return holds(*of_one_type(evaluate(left, machine), evaluate(right, machine)))
 
 
 for _name, _holds in COMPARISONS.items():

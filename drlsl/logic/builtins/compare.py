@@ -135,7 +135,8 @@ def msort(machine: Machine, terms: Term, result: Term) -> bool:
 def sort(machine: Machine, terms: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.3."""
     elements = items(terms)
-    check_partial_list(result)
+    if machine.flags.iso:
+        check_partial_list(result)
     return machine.unify(result, make_list(without_repeats(sorted_terms(machine, elements))))
 
 

@@ -121,6 +121,8 @@ class _Format:
             self.fills.append((len(self.segment), chr(count) if count is not None else " "))
         elif letter in _PLAIN:
             self._put(_PLAIN[letter] * (1 if count is None else count))
+        elif letter == "N":
+            self._put("\n" * (self.start + len(self.segment) > 0))
         elif letter == "i":
             self._next()
         elif letter in _CONVERSIONS:

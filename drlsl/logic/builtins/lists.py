@@ -35,7 +35,7 @@ def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
             yield True
         return
     if size is tail:
-        raise type_error("list", deref(term))
+        return  # no list is its own length
     total = len(found)
     while True:
         machine.unify(tail, make_list([Var() for _ in range(total - len(found))]))
@@ -128,4 +128,10 @@ def solution_groups(
 @det("$check_partial_list", 1)
 def check_result(_machine: Machine, term: Term) -> bool:
     check_partial_list(term)
+    return True
+
+
+@det("$check_list", 1)
+def check_list(_machine: Machine, term: Term) -> bool:
+    items(term)
     return True

@@ -8,7 +8,7 @@ to the trampoline as a task, with what follows it as a new function and the vari
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -599,12 +599,12 @@ def has_cut(goal: Term) -> bool:
     return False
 
 
-def _cuts(goal: Term, known: Mapping[Var, str]) -> bool:
+def _cuts(goal: Term, known: Container[Any]) -> bool:
     """Whether a goal, after `with_cuts`, removes choice points that were made before it."""
     todo = [goal]
     while todo:
         term = deref(todo.pop())
-        if _is_cut(term) and term.args[0] in known:  # type: ignore[union-attr, index]  # a variable of _height
+        if type(term) is Struct and _is_cut(term) and term.args[0] in known:
             return True
         if type(term) is Struct and len(term.args) == 2 and term.name in (",", ";", "->", "*->"):
             todo.extend(term.args)

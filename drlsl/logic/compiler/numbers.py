@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from drlsl.logic.arithmetic import BINARY, UNARY
+from drlsl.logic.arithmetic import BINARY, UNARY, comparison
 from drlsl.logic.compiler.matching import Fail, emit_deref
 from drlsl.logic.compiler.writer import Function, Scope, build
 from drlsl.logic.terms import Struct, Term, Var, deref
 
 COMPARISONS = {"=:=": "==", "=\\=": "!=", "<": "<", "=<": "<=", ">": ">", ">=": ">="}
+_COMPARE = {name: comparison(name) for name in COMPARISONS}
 _INLINE = {"+": "+", "-": "-"}
 _DEEPEST = 30
 
@@ -91,4 +92,13 @@ def emit_comparison(function: Function, scope: Scope, goal: Struct) -> str:
     """The lines before, and the test for, an arithmetic comparison."""
     left = emit_value(function, scope, goal.args[0])
     right = emit_value(function, scope, goal.args[1])
-    return f"{left} {COMPARISONS[goal.name]} {right}"
+    test = f"{left} {COMPARISONS[goal.name]} {right}"
+    if all(_is_integer(part, scope) for part in (left, right)) or any(map(_is_exact, (left, right))):
+        return test
+    compare = function.module.namespace.name("Q", _COMPARE[goal.name])
+    return f"({test} if type({left}) is type({right}) else {compare}({left}, {right}))"
+
+
+def _is_exact(expression: str) -> bool:
+    """Whether an operand is an integer that a float has too, so that Python compares it as Prolog does."""
+    return expression.lstrip("(-").rstrip(")").isdigit()

@@ -141,7 +141,7 @@ clumped([H|T0], [H-C|T]) :- clumped_(T0, H, 1, C, T1), clumped(T1, T).
 clumped_([H|T0], E, C0, C, T) :- E == H, !, C1 is C0 + 1, clumped_(T0, E, C1, C, T).
 clumped_(L, _, C, C, L).
 
-predsort(P, L, Sorted) :- length(L, N), predsort_(N, P, L, _, Sorted0), !, Sorted = Sorted0.
+predsort(P, L, Sorted) :- '$check_list'(L), length(L, N), predsort_(N, P, L, _, Sorted0), !, Sorted = Sorted0.
 
 predsort_(0, _, L, L, []) :- !.
 predsort_(1, _, [X|L], L, [X]) :- !.

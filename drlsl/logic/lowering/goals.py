@@ -296,7 +296,35 @@ def _aggregate_all(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tre
         return _sum(unfold, spec.args[0], args[1], args[2], then)
     if isinstance(spec, Struct) and spec.name in ("min", "max") and len(spec.args) in (1, 2):
         return _extreme(unfold, spec, args[1], args[2], then)
-    return unfold.refuse("aggregate_all/3 of anything but count, sum, min, max and bag")
+    if isinstance(spec, Struct) and spec.name != "set":
+        return _aggregates(unfold, spec, args[1], args[2], then)
+    return unfold.refuse("aggregate_all/3 of anything but count, sum, min, max, bag and terms of these")
+
+
+def _aggregates(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Continue) -> Tree:
+    """A term whose arguments are aggregates: each is worked out by itself."""
+    parts = [resolve(part) for part in spec.args]
+    if not all(
+        isinstance(part, Atom | Struct) and (part.name, _arity(part)) in _AGGREGATES for part in parts
+    ):
+        unfold.refuse(f"aggregate_all/3 of {spec.name}/{len(parts)} with anything but aggregates in it")
+    values = [Var(f"Aggregate{number}") for number in range(1, len(parts) + 1)]
+
+    def from_part(number: int) -> Tree:
+        if number == len(parts):
+            return unfold.unified(result, Struct(spec.name, tuple(values)), then)
+        return _aggregate_all(unfold, [parts[number], goal, values[number]], lambda: from_part(number + 1))
+
+    return from_part(0)
+
+
+def _arity(term: Sym) -> int:
+    return len(term.args) if isinstance(term, Struct) else 0
+
+
+_AGGREGATES: Final = frozenset(
+    {("count", 0), ("count", 1), ("sum", 1), ("bag", 1), ("max", 1), ("min", 1), ("max", 2), ("min", 2)}
+)
 
 
 def _count(unfold: Unfolder, goal: Sym, result: Sym, then: Continue) -> Tree:

@@ -389,12 +389,12 @@ class Arithmetic:
                 return left
             bounds = (pick(left.low, right.low), pick(left.high, right.high))
             return self._make(name, left.kind, (left, right), bounds)
-        # of equal numbers of unlike kinds the greater is the float
+        # of equal numbers of unlike kinds the float is taken
         whole, real = (left, right) if left.kind == "int" else (right, left)
         as_float = self.to_float(whole)
         if name == "max":
             return self.pool.choose(self.pool.less(real, as_float), whole, real)
-        return self.pool.choose(self.pool.not_(self.pool.less(real, as_float)), whole, real)
+        return self.pool.choose(self.pool.less(as_float, real), whole, real)
 
     def _power(self, left: Node, right: Node) -> Node:
         if left.kind == right.kind == "int":
