@@ -253,13 +253,16 @@ class Engine:
         finally:
             self.loaders.pop()
 
-    def run_directive(self, goal: Term, output: TextIO | None = None) -> bool:
-        """Prove a goal once, keeping no bindings; True if that succeeds."""
+    def run_directive(self, goal: Term, output: TextIO | None = None, trail: list[Any] | None = None) -> bool:
+        """Prove a goal once; True if that succeeds. Its bindings are kept on `trail`, or else undone."""
         machine = Machine(self, _UNLIMITED)
         machine.output = output or self.output
         with self.alone:
             try:
-                return machine.solve((_prove, goal, FOUND))
+                is_proved = machine.solve((_prove, goal, FOUND))
+                if is_proved and trail is not None:
+                    machine.keep(trail)
+                return is_proved
             finally:
                 machine.close()
 

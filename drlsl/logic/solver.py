@@ -167,6 +167,12 @@ class Machine:
         """Look for another solution after `solve` found one."""
         return self.solve(FAIL)
 
+    def keep(self, trail: list[Any]) -> None:
+        """Leave the bindings of the solution to the trail of another search, and no choice points."""
+        cut(self, 0)
+        trail.extend(self.trail)
+        self.trail.clear()
+
     def close(self) -> None:
         """Give up the search and undo every binding it made."""
         try:
@@ -373,8 +379,8 @@ def exit_cleanup(machine: Machine, task: Task) -> Task:
 
 
 def clean_up(machine: Machine, goal: Sequence[Term]) -> None:
-    """Run the cleanup goal of a setup_call_cleanup/3 once, as a search of its own."""
-    machine.engine.run_directive(goal[0], machine.output)
+    """Run the cleanup goal of a setup_call_cleanup/3 once, as a search of its own whose bindings are kept."""
+    machine.engine.run_directive(goal[0], machine.output, machine.trail)
 
 
 _OVER: Final = object()

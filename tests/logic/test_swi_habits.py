@@ -197,6 +197,36 @@ def test_nan_and_inf_are_numbers_of_the_lenient_mode() -> None:
     assert [engine.format(value) for value in solution.values()] == ["1.5NaN", "1.0Inf", "-1.0Inf"]
 
 
+# ---------------------------------------------------------------------- cleanup
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        "setup_call_cleanup(true, Gap = 12, Half is Gap // 2), Half == 6, Gap == 12",
+        "setup_call_cleanup(S = 1, true, Y = S), Y == 1",
+        "call_cleanup(X = 1, Y = f(X, Z)), Z = 2, Y == f(1, 2)",
+        "call_cleanup(X = 1, ( Y = 2 ; Y = 3 )), findall(Y, true, [2])",
+        "findall(X-Y, call_cleanup(member(X, [1, 2]), Y = X), L), L = [1-A, 2-B], var(A), B == 2",
+        "once(call_cleanup(member(X, [1, 2]), Y = X)), Y == 1",
+        "\\+ call_cleanup(fail, Y = 3), var(Y)",
+        "catch(call_cleanup(throw(a), Y = 3), a, true), var(Y)",
+        "( call_cleanup(true, Y = 1), Y == 2 ; var(Y) )",
+        "call_cleanup(true, fail), call_cleanup(true, X = 1), X == 1",
+        "catch(call_cleanup(true, throw(a)), E, true), E == a",
+        "catch(call_cleanup(throw(a), throw(b)), E, true), E == a",
+        "call_cleanup(call_cleanup(X = 1, Y = X), Z = Y), Z == 1",
+        "call_cleanup(true, call_cleanup(member(X, [1, 2]), Y = X)), Y == 1",
+        "call_cleanup(X = 1, (b_setval(k, X), Y = 2)), b_getval(k, V), V-Y == 1-2",
+    ],
+)
+def test_cleanup_shares_its_bindings(compiled: bool, goal: str) -> None:
+    engine = Engine(compiled=compiled)
+    engine.consult_text(f"p :- {goal}.")
+    assert engine.holds(goal)
+    assert engine.holds("p, p")
+
+
 # ---------------------------------------------------------------------- lists, sorting, aggregates, format
 
 
@@ -228,6 +258,14 @@ def test_nan_and_inf_are_numbers_of_the_lenient_mode() -> None:
         "catch(aggregate_all(avg(_), true, _), error(domain_error(aggregate_template, avg(_)), _), true)",
         "catch(aggregate_all(foo, true, _), error(domain_error(aggregate_template, foo), _), true)",
         "catch(aggregate_all(r(foo), true, _), error(domain_error(aggregate_template, foo), _), true)",
+        "lists:append([a], [b], [a, b]), user:atom(a), catch(_:true, error(instantiation_error, _), true)",
+        "X = f(_), acyclic_term(X), \\+ cyclic_term(X), Y = f(Y), cyclic_term(Y), \\+ acyclic_term(Y)",
+        "catch(type_error(integer, a), error(type_error(integer, a), _), true)",
+        "catch(permission_error(a, b, c), error(permission_error(a, b, c), _), true)",
+        "catch(instantiation_error(a), error(instantiation_error, _), true)",
+        "is_of_type(integer, 1), \\+ is_of_type(integer, _), \\+ is_of_type(positive_integer, 0)",
+        "divmod(-7, 2, -4, 1), catch(divmod(1, 0, _, _), error(evaluation_error(zero_divisor), _), true)",
+        "\\+ nb_current(k, _), nb_setval(k, v), nb_current(k, V), V == v",
         "catch(aggregate_all(1, true, _), error(type_error(aggregate_template, 1), _), true)",
         "catch(aggregate_all(r(sum(X)), member(X, [a]), _), error(type_error(evaluable, a/0), _), true)",
     ],
@@ -239,6 +277,33 @@ def test_decided_goals(compiled: bool, iso: str, goal: str) -> None:
             engine.holds(goal)
         return
     assert engine.holds(goal)
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        "sort([a], 0)",
+        "sort([a], [b|c])",
+        "findall(X, member(X, [a]), b)",
+        "findall(X, member(X, [a]), [a|b])",
+        "findall(X, member(X, [a]), b, [])",
+        "setof(X, member(X, [a]), foo)",
+        "bagof(X, member(X, [a]), [a|b])",
+        "keysort([a-1], [b])",
+        "term_variables(f(_), a)",
+        "current_prolog_flag(nosuch, _)",
+    ],
+)
+def test_results_that_cannot_be_are_errors_by_the_standard_alone(compiled: bool, goal: str) -> None:
+    for iso in ("true", "false"):
+        engine = Engine(compiled=compiled, flags={"iso": iso})
+        engine.consult_text(f"p :- {goal}.")
+        for asked in (goal, "p"):
+            if iso == "true":
+                with pytest.raises(PrologError):
+                    engine.holds(asked)
+            else:
+                assert not engine.holds(asked)
 
 
 @pytest.mark.parametrize(

@@ -144,10 +144,11 @@ def sort(machine: Machine, terms: Term, result: Term) -> bool:
 def keysort(machine: Machine, pairs: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.4."""
     elements = [_pair(term) for term in items(pairs)]
-    check_partial_list(result)
-    for term in prefix(result)[0]:
-        if type(deref(term)) is not Var:
-            _pair(term)
+    if machine.flags.iso:
+        check_partial_list(result)
+        for term in prefix(result)[0]:
+            if type(deref(term)) is not Var:
+                _pair(term)
     key = sort_key(iso=machine.flags.iso)
     elements.sort(key=lambda pair: key(pair.args[0]))
     return machine.unify(result, make_list(elements))

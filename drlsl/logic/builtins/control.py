@@ -7,6 +7,7 @@ from typing import Any
 
 from drlsl.logic.body import CALL, CONTROL, DET, callable_parts
 from drlsl.logic.builtins.arguments import check_partial_list, integer, prefix
+from drlsl.logic.builtins.lists import check_result
 from drlsl.logic.builtins.registry import Machine as Builtins
 from drlsl.logic.builtins.registry import control, det, nondet
 from drlsl.logic.dcg import translate_body
@@ -54,6 +55,14 @@ def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Ta
         if error.goal is None:
             error.goal = Struct(name, args) if args else Atom(name)
         raise
+
+
+@control(":", 2)
+def qualified(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
+    """``Module:Goal``: there is one name space, so any module will do."""
+    if type(deref(args[0])) is Var:
+        raise instantiation_error()
+    return invoke(machine, args[1], (), continuation)
 
 
 def _call(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
@@ -140,13 +149,13 @@ def throw(_machine: Builtins, ball: Term) -> bool:
 @control("findall", 3)
 def findall(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
     """Source: ISO 13211-1, 8.10.1."""
-    check_partial_list(args[2])
+    check_result(machine, args[2])
     return _collect_all(machine, args[0], args[1], args[2], None, continuation)
 
 
 @control("findall", 4)
 def findall_with_tail(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    check_partial_list(args[2])
+    check_result(machine, args[2])
     return _collect_all(machine, args[0], args[1], args[2], args[3], continuation)
 
 
@@ -160,7 +169,7 @@ def _collect_all(
 
 def begin_findall(machine: Machine, found: list[Term], result: Term, continuation: Task) -> Task:
     """The choice point of a findall/3 that goes on when its goal has no more solutions."""
-    check_partial_list(result)
+    check_result(machine, result)
     return _finish_findall, len(machine.trail), found, result, None, continuation
 
 

@@ -317,3 +317,11 @@ def getval(machine: Machine, key: Term, value: Term) -> bool:
     if found is None:
         raise existence_error("variable", name)
     return machine.unify(value, found)
+
+
+@nondet("nb_current", 2)
+def nb_current(machine: Machine, key: Term, value: Term) -> Iterator[bool | None]:
+    """The global variables and their values."""
+    for name, known in list(machine.globals.items()):
+        if attempt(machine, Struct("-", (key, value)), Struct("-", (Atom(name), known))):
+            yield None

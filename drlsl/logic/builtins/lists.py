@@ -126,8 +126,10 @@ def solution_groups(
 
 
 @det("$check_partial_list", 1)
-def check_result(_machine: Machine, term: Term) -> bool:
-    check_partial_list(term)
+def check_result(machine: Machine, term: Term) -> bool:
+    """Refuse what no list can be unified with; SWI-Prolog only fails then."""
+    if machine.flags.iso:
+        check_partial_list(term)
     return True
 
 

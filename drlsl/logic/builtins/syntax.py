@@ -101,9 +101,9 @@ def current_prolog_flag(machine: Machine, flag: Term, value: Term) -> Iterator[N
         raise type_error("atom", flag)
     if isinstance(flag, Atom):
         known = machine.flags.get(flag.name)
-        if known is None:
+        if known is None and machine.flags.iso:
             raise domain_error("prolog_flag", flag)
-        if machine.unify(value, known):
+        if known is not None and machine.unify(value, known):
             yield
         return
     for name, current in machine.flags.items():

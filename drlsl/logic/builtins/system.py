@@ -10,15 +10,19 @@ from drlsl.logic.builtins.arguments import atom, integer, items, prefix
 from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.text import any_text, is_character, is_code
 from drlsl.logic.errors import (
+    DomainError,
+    InstantiationError,
     PrologError,
+    PrologTypeError,
     domain_error,
     error_from_term,
+    evaluation_error,
     existence_error,
     instantiation_error,
     type_error,
 )
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import compare, term_variables
+from drlsl.logic.unify import compare, copy_term, term_variables
 
 
 def _is_list(term: Term) -> bool:
@@ -98,6 +102,44 @@ def _must_fit(machine: Machine, kind: Struct, term: Term) -> bool:
 def _outside(domain: Struct, culprit: Term) -> PrologError:
     """A domain error whose domain is a compound term."""
     return error_from_term(Struct("error", (Struct("domain_error", (domain, culprit)), Var())))
+
+
+@det("is_of_type", 2)
+def is_of_type(machine: Machine, kind: Term, term: Term) -> bool:
+    """Whether a term is of a type that must_be/2 knows."""
+    try:
+        return must_be(machine, kind, term)
+    except (InstantiationError, PrologTypeError, DomainError):
+        return False
+
+
+def _declare_error(name: str, arity: int) -> None:
+    @det(name, arity)
+    def raise_error(_machine: Machine, *args: Term) -> bool:
+        formal = Struct(name, args) if name != "instantiation_error" else Atom(name)
+        raise error_from_term(copy_term(Struct("error", (formal, Var()))))
+
+
+# Source: SWI-Prolog's library(error).
+for _name, _arity in (
+    ("type_error", 2),
+    ("domain_error", 2),
+    ("existence_error", 2),
+    ("permission_error", 3),
+    ("instantiation_error", 1),
+    ("representation_error", 1),
+    ("resource_error", 1),
+):
+    _declare_error(_name, _arity)
+
+
+@det("divmod", 4)
+def divmod_(machine: Machine, dividend: Term, divisor: Term, quotient: Term, rest: Term) -> bool:
+    """The quotient rounded down, and what is left."""
+    left, right = integer(dividend), integer(divisor)
+    if right == 0:
+        raise evaluation_error("zero_divisor")
+    return machine.unify(quotient, left // right) and machine.unify(rest, left % right)
 
 
 @det("statistics", 2)

@@ -8,7 +8,7 @@ from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer,
 from drlsl.logic.builtins.registry import Machine, det, nondet, quick
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import copy_term, is_ground, subsumes, term_variables
+from drlsl.logic.unify import copy_term, is_acyclic, is_ground, subsumes, term_variables
 
 # The most arguments that functor/3 gives a term; beyond it there is only memory to lose.
 _MOST_ARGUMENTS = 1 << 24
@@ -38,6 +38,17 @@ _declare_test("string", str)
 @det("is_list", 1)
 def is_list(_machine: Machine, term: Term) -> bool:
     return prefix(term)[1] is NIL
+
+
+@det("acyclic_term", 1)
+def acyclic_term(_machine: Machine, term: Term) -> bool:
+    """Source: ISO 13211-1 Cor.2, 8.3.11."""
+    return is_acyclic(term)
+
+
+@det("cyclic_term", 1)
+def cyclic_term(_machine: Machine, term: Term) -> bool:
+    return not is_acyclic(term)
 
 
 @det("ground", 1)
@@ -141,7 +152,8 @@ def copy(machine: Machine, term: Term, twin: Term) -> bool:
 @det("term_variables", 2)
 def variables(machine: Machine, term: Term, found: Term) -> bool:
     """Source: ISO 13211-1, 8.5.5."""
-    check_partial_list(found)
+    if machine.flags.iso:
+        check_partial_list(found)
     return machine.unify(found, make_list(term_variables(term)))
 
 
