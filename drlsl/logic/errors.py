@@ -31,6 +31,11 @@ def _show(term: Term) -> str:
     )
 
 
+def _printable(text: str) -> str:
+    """A text whose control characters are written as escapes, so that no terminal obeys them."""
+    return "".join(char if char.isprintable() else f"\\x{ord(char):x}\\" for char in text)
+
+
 class PrologError(Exception):
     """An uncaught ball.
 
@@ -149,7 +154,7 @@ class PrologSyntaxError(PrologError):
         formal = self.formal
         what = deref(formal.args[0]) if isinstance(formal, Struct) else formal
         text = what.name if isinstance(what, Atom) else _show(what)
-        return f"syntax error: {text}"
+        return f"syntax error: {_printable(text)}"
 
     def __str__(self) -> str:
         if not self.line:
@@ -157,7 +162,7 @@ class PrologSyntaxError(PrologError):
         place = f"{self.file}:{self.line}:{self.column}: {self.message()}"
         if not self.source:
             return place
-        shown = self.source.expandtabs(1)
+        shown = "".join(char if char.isprintable() else " " for char in self.source)
         marks = max(1, min(self.width, len(shown) - self.column + 1))
         pointer = " " * (self.column - 1) + "~" * (marks - 1) + "^"
         return f"{place}\n{shown}\n{pointer}"

@@ -132,6 +132,24 @@ def test_a_file_that_is_no_rule_file_is_not_echoed(tmp_path: Path, directive: st
     assert str(caught.value).count("secret") <= 2  # main.pl's own line
 
 
+def test_no_message_sends_control_characters_to_the_terminal() -> None:
+    engine = Engine(flags={"iso": "false"})
+    for text in (
+        "p('\x1b[31m', .",
+        "p(\x1b[31m)",
+        "p :- 'a\x07b'(1) 'c\x9bd'.",
+        ":- 'no\x1bsuch'(1).",
+        ":- include('\x1b[2J').",
+    ):
+        with pytest.raises(PrologError) as caught:
+            engine.consult_text(text)
+        assert all(char.isprintable() or char == "\n" for char in str(caught.value)), ascii(str(caught.value))
+    with pytest.raises(PrologError) as caught:
+        engine.once("atom_length(f('\\e[31m'), _)")
+    assert str(caught.value).isprintable()
+    assert engine.holds("writeq('\\e[31m'), format(atom(A), '~q', ['\\e']), A == '\\'\\\\x1b\\\\\\''")
+
+
 # ---------------------------------------------------------------------- conditions
 
 IF = """
