@@ -307,7 +307,9 @@ def _aggregates(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Co
     if not all(
         isinstance(part, Atom | Struct) and (part.name, _arity(part)) in _AGGREGATES for part in parts
     ):
-        unfold.refuse(f"aggregate_all/3 of {spec.name}/{len(parts)} with anything but aggregates in it")
+        unfold.refuse(
+            f"aggregate_all/3 of {spec.name}/{len(parts)} with an argument that is no aggregate, or set/1"
+        )
     values = [Var(f"Aggregate{number}") for number in range(1, len(parts) + 1)]
 
     def from_part(number: int) -> Tree:

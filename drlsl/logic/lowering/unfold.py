@@ -347,7 +347,8 @@ class Unfolder:
         if predicate is None:
             return self.undefined(name, len(args))
         if predicate.tabled is not None:
-            self.refuse(f"{name}/{len(args)} is tabled")
+            span = predicate.clauses[0].span if predicate.clauses else None
+            raise NotLowerable(f"{name}/{len(args)}", span, "it is tabled")
         if predicate.dynamic:
             self.refuse(f"{name}/{len(args)} is dynamic, and the schema does not say what its facts are")
         return self.call(predicate, args, then)
