@@ -117,6 +117,7 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
         yield f"         {result.text}"
         if result.reason:
             yield f"         because {result.reason}"
+        yield from (f"         {line}" for line in _floats_line(result))
         yield f"         {_attack_line(result)}"
         if result.counterexample is not None:
             yield from (f"         {line}" for line in _scene_lines(result, out))
@@ -129,6 +130,20 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
     names = {**NAMES, **report.unknowns}
     for name, (low, high) in report.ranges.items():
         yield f"  {names[name]:<34} {float(low):g} to {float(high):g}"
+
+
+def _floats_line(result: Result) -> Iterator[str]:
+    """From which margin on the proof holds in the floats that run."""
+    floats = result.floats
+    if result.status != "proved" or floats is None:
+        return
+    if not floats.error:
+        yield "in floats too: it rests on no comparison that rounds"
+        return
+    line = f"in floats wherever no comparison lies within {floats.margin:g}, in its unit, of its limit"
+    yield f"{line}; there none is off by more than {floats.error:.2g}"
+    if floats.because is not None:
+        yield floats.because
 
 
 def _attack_line(result: Result) -> str:

@@ -45,7 +45,8 @@ class Floats:
 
     `margin`: they decide alike wherever no comparison lies within it of its limit; None: no such margin is
     known, and the proof is one in real arithmetic only. `error` is the largest bound on the rounding error
-    of a comparison, `comparison` the one that has it, or that stands in the way, with file and line.
+    of a comparison that is clear of its limit by the margin. `comparison` is the one that has it; of a margin
+    above the usual, the one that calls for so much; of none, the one that stands in the way.
     """
 
     margin: float | None
@@ -55,10 +56,12 @@ class Floats:
     @property
     def because(self) -> str | None:
         """Why the proof says less of doubles than usual, or nothing; None where it says no less."""
-        if self.margin is not None and self.margin <= USUAL_MARGIN:
-            return None
-        off = f"by {self.error:.2g}" if math.isfinite(self.error) else "by any amount"
-        return f"{self.comparison} may be off {off}"
+        if self.margin is None:
+            off = f"by {self.error:.2g}" if math.isfinite(self.error) else "by any amount"
+            return f"{self.comparison} may be off {off}"
+        if self.margin > USUAL_MARGIN:
+            return f"nearer to a limit, {self.comparison} may be off by more than that"
+        return None
 
     def as_json(self) -> dict[str, Any]:
         """As `--json` prints it."""

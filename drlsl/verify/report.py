@@ -1,6 +1,6 @@
 """A whole verification: every property in every case, on several processes, and what comes of it.
 
-What is proved is attacked before it is reported.
+Before it is reported what is proved is judged in floats, and attacked.
 """
 
 from __future__ import annotations
@@ -15,10 +15,14 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from drlsl.verify.attack import SCENES, SEED, Attack, Hit, Orders, attack
+from drlsl.verify.margins import Floats
 from drlsl.verify.prove import Finding, Prover, Status, Task
 from drlsl.verify.ranges import Case, Range, all_cases
 from drlsl.verify.replay import Counterexample
 from drlsl.verify.workers import Workers
+
+IN_REAL_ARITHMETIC: Final = "proved in real arithmetic only"
+"""The status of what floats may break at no limit at all, or do break in a scene."""
 
 _MOST_UNKNOWN: Final = 3
 """A property that stays unknown in so many cases is not tried in more."""
@@ -49,8 +53,8 @@ class Result:
 
     `enough`: with so many vehicles a proof holds for any number; None where that is not known. `seconds` of
     all processes together. `attack` is what came of attacking it, None where it was not; `prover_error` says
-    that it was proved and is refuted by a scene. `amount` is by how much a scene breaks it that only rounding
-    makes possible.
+    that it was proved and is refuted by a scene. `floats` is what the proof says of the floats that run, None
+    where there is none. `amount` is by how much a scene breaks it that only rounding makes possible.
     """
 
     name: str
@@ -65,12 +69,14 @@ class Result:
     unknown: int = 0
     attack: Attack | None = None
     prover_error: bool = False
+    floats: Floats | None = None
     amount: Fraction | None = None
 
     @property
     def for_any_number(self) -> bool:
         """Whether it is proved for any number of vehicles."""
-        return self.status == "proved" and self.enough is not None and self.enough <= self.vehicles
+        proved = self.status in ("proved", IN_REAL_ARITHMETIC)
+        return proved and self.enough is not None and self.enough <= self.vehicles
 
     def take(self, finding: Finding) -> None:
         """Add what was found in one case."""
@@ -84,10 +90,22 @@ class Result:
                 self.status, self.case = "unknown", finding.case
                 self.reason = f"{finding.reason} ({finding.case})"
 
-    def take_attack(self, attacked: Attack, margin: Fraction | None) -> None:
-        """Add what came of attacking it; `margin` is how near to their limits floats may judge otherwise."""
+    def take_judgement(self, judged: Judgement) -> None:
+        """Add what is said of floats, and what came of attacking it."""
+        self.seconds += judged.seconds
+        self.take_floats(judged.floats)
+        if judged.attack is not None:
+            self.take_attack(judged.attack)
+
+    def take_floats(self, floats: Floats) -> None:
+        """Add what its proof says of floats."""
+        self.floats = floats
+        if floats.margin is None:
+            self.status, self.reason = IN_REAL_ARITHMETIC, floats.because or ""
+
+    def take_attack(self, attacked: Attack) -> None:
+        """Add what came of attacking it; within its margin floats may judge otherwise."""
         self.attack = attacked
-        self.seconds += attacked.seconds
         hit = attacked.hit
         if hit is None:
             return
@@ -95,16 +113,23 @@ class Result:
             self.status = "unknown"
             self.reason = "the array tier and the interpreter do not agree on a scene: please report it"
         elif hit.kind == "exact":
-            self.status, self.prover_error = "refuted", True
+            self.status, self.prover_error, self.floats = "refuted", True, None
             self.reason = (
                 "a scene breaks it although it was proved: this is an error of the prover, please report it"
             )
-        elif hit.amount is None or margin is None or hit.amount > margin:
-            self.status, self.amount = "proved in real arithmetic only", hit.amount
-            self.reason = _rounds(hit)
-        else:
+        elif self._is_within_margin(hit):
             return
+        else:
+            self.reason = (
+                f"{self.reason}; {_rounds(hit)}" if self.status == IN_REAL_ARITHMETIC else _rounds(hit)
+            )
+            self.status, self.amount = IN_REAL_ARITHMETIC, hit.amount
         self.counterexample = hit.counterexample
+
+    def _is_within_margin(self, hit: Hit) -> bool:
+        """Whether the proof says of a scene that floats may judge it otherwise."""
+        margin = None if self.floats is None else self.floats.margin
+        return margin is not None and hit.amount is not None and hit.amount <= Fraction(margin)
 
     def as_json(self) -> dict[str, Any]:
         """The result as `--json` prints it."""
@@ -117,6 +142,7 @@ class Result:
             "reason": self.reason or None,
             "counterexample": None if self.counterexample is None else self.counterexample.as_json(),
             "prover_error": self.prover_error,
+            "floats": None if self.floats is None else self.floats.as_json(),
             "amount": None if self.amount is None else float(self.amount),
             "attack": None if self.attack is None else self.attack.as_json(),
         }
@@ -159,10 +185,10 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
         for done, findings in enumerate(crew(agenda.next), start=1):
             for finding in findings:
                 results[finding.property].take(finding)
-            progress(done, cases + (len(results) if request.attack else 0))
+            progress(done, cases + len(results))
         raids = [raid for one in results.values() if (raid := _raid(one, request)) is not None]
-        for done, (name, attacked) in enumerate(crew(_one_by_one(raids)), start=cases + 1):
-            results[name].take_attack(attacked, None)
+        for done, judged in enumerate(crew(_one_by_one(raids)), start=cases + 1):
+            results[judged.property].take_judgement(judged)
             progress(done, cases + len(raids))
     book = prover.book
     return Report(list(results.values()), book.ranges, cases, book.unknowns)
@@ -200,20 +226,34 @@ class _Agenda:
 
 @dataclass(frozen=True, slots=True)
 class Raid:
-    """A property to be attacked."""
+    """A property that is proved, to be judged in floats and attacked; no orders: only the former."""
 
     property: str
-    orders: Orders
+    vehicles: int
+    orders: Orders | None
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What a proof says of floats, and what came of attacking it."""
+
+    property: str
+    floats: Floats
+    attack: Attack | None
+    seconds: float
 
 
 def _raid(result: Result, request: Request) -> Raid | None:
     """How to attack what is proved; what holds for any number of vehicles with more than are enough."""
-    if result.status != "proved" or not request.attack or not request.cases:
+    if result.status != "proved" or not request.cases:
         return None
     vehicles = request.vehicles
+    if not request.attack:
+        return Raid(result.name, vehicles, None)
     if result.for_any_number and result.enough is not None:
         vehicles = max(vehicles, result.enough + 1)
-    return Raid(result.name, Orders(request.cases, vehicles, request.attack, request.seed))
+    orders = Orders(request.cases, vehicles, request.attack, request.seed)
+    return Raid(result.name, request.vehicles, orders)
 
 
 def _one_by_one(raids: Sequence[Raid]) -> Callable[[], Raid | None]:
@@ -223,7 +263,7 @@ def _one_by_one(raids: Sequence[Raid]) -> Callable[[], Raid | None]:
 
 Work: TypeAlias = "Task | Raid"
 _Crew: TypeAlias = "Callable[[Callable[[], Any]], Iterator[Any]]"
-"""Does what it is handed, piece by piece; yields findings, or the name of a property with its attack."""
+"""Does what it is handed, piece by piece; yields findings or judgements."""
 
 
 @contextmanager
@@ -246,11 +286,15 @@ def _prepare(rules: Sequence[Path], properties: Sequence[Path], only: Sequence[s
     return functools.partial(_do, Prover.of(rules, properties, only))
 
 
-def _do(prover: Prover, work: Work) -> list[Finding] | tuple[str, Attack]:
+def _do(prover: Prover, work: Work) -> list[Finding] | Judgement:
     if isinstance(work, Task):
         return prover.run(work)
     started = time.perf_counter()
     name = work.property
-    attacked = attack(prover.book, prover.property(name), work.orders, prover.replay(name))
-    attacked.seconds = time.perf_counter() - started
-    return name, attacked
+    floats = prover.floats(name, work.vehicles)
+    attacked = None
+    if work.orders is not None:
+        begun = time.perf_counter()
+        attacked = attack(prover.book, prover.property(name), work.orders, prover.replay(name))
+        attacked.seconds = time.perf_counter() - begun
+    return Judgement(name, floats, attacked, time.perf_counter() - started)

@@ -94,8 +94,9 @@ def outward(number: Fraction) -> tuple[float, float]:
 
 
 def between(low: Fraction, high: Fraction) -> Approximation:
-    """A fact: a double in this range, exact."""
-    return Approximation(outward(low)[0], outward(high)[1])
+    """A fact: a double in this range, exact, or the one nearest to an end, which stands for that end."""
+    off = max(abs(Fraction(float(end)) - end) for end in (low, high))
+    return Approximation(outward(low)[0], outward(high)[1], outward(off)[1])
 
 
 @functools.cache

@@ -2,36 +2,224 @@
 
 from __future__ import annotations
 
+import random
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 from drlsl.driving.shield import default_rules
-from drlsl.verify.margins import Floats
+from drlsl.logic.lowering.ir import Node
+from drlsl.logic.lowering.unfold import deep_recursion
+from drlsl.verify.drawn_facts import ExactFacts
+from drlsl.verify.exact import _Floats, judge
+from drlsl.verify.margins import USUAL_MARGIN, Floats
 from drlsl.verify.prove import Prover
 
 RULES = default_rules()[0].parent
+EGO = "vehicle(ego,_,_,_,V,_,_,_)"
 
 
-def margins(properties: Path, rules: tuple[Path, ...] = ()) -> dict[str, Floats]:
-    prover = Prover.of(rules, (properties,))
-    return {name: prover.floats(name, 6) for name in prover.answers}
+def prover_of(folder: Path, clause: str, more: str = "") -> Prover:
+    path = folder / "one.pl"
+    path.write_text(f"{more} property(q, 'q').\nviolates(q) :- {clause}", encoding="utf-8")
+    return Prover.of((), (path,))
 
 
 def of(folder: Path, clause: str, more: str = "") -> Floats:
-    """The margin of one property, given by its clause."""
-    path = folder / "one.pl"
-    path.write_text(f"{more} property(q, 'q').\n{clause}", encoding="utf-8")
-    return margins(path)["q"]
+    """The margin of one property, given by the body of its clause."""
+    return prover_of(folder, clause, more).floats("q", 6)
 
 
 def test_a_sum_with_a_large_number_is_proved_in_real_arithmetic_only(tmp_path: Path) -> None:
-    found = of(
-        tmp_path,
-        "violates(q) :- vehicle(ego,_,_,_,V,_,_,_), V > 1.0, X is (V+1.0e17)-1.0e17, X =< 0.5.",
-    )
+    found = of(tmp_path, f"{EGO}, V > 1.0, X is (V+1.0e17)-1.0e17, X =< 0.5.")
     assert found.margin is None
     assert found.error == pytest.approx(8.0)
     assert found.comparison is not None
     assert found.comparison.startswith("X =< 0.5 (")
     assert found.comparison.endswith("one.pl:2)")
+    assert found.as_json()["because"] == f"{found.comparison} may be off by 8"
+
+
+@pytest.mark.parametrize(
+    "clause",
+    [
+        f"{EGO}, V > 71.0.",  # no rounding at all
+        f"{EGO}, Y is V*0.1, min(Y, 3.0) > Y.",  # doubles keep the order
+        f"{EGO}, A is min(V, 7.0), A*0.1 + 0.3 > V*0.1 + 0.3.",
+        f"{EGO}, A is max(-8.0, min(3.0, 1.0/(V*V+1.0))), sqrt(A+9.0) > sqrt(3.0+9.0).",
+    ],
+)
+def test_what_doubles_decide_by_their_order_has_no_error(tmp_path: Path, clause: str) -> None:
+    found = of(tmp_path, clause)
+    assert (found.margin, found.error) == (USUAL_MARGIN, 0.0)
+
+
+def test_what_a_comparison_has_passed_bounds_what_comes_after_it(tmp_path: Path) -> None:
+    inverse = "G is V*V-0.1, {}, X is 1.0/G, X < -1.0."
+    assert of(tmp_path, f"{EGO}, " + inverse.format("G > 0.5")).margin == USUAL_MARGIN
+    # the sign of 1/G is never in doubt, however near G is to 0
+    assert of(tmp_path, f"{EGO}, " + inverse.format("G > 0.0")).margin == USUAL_MARGIN
+
+
+def test_a_clamp_bounds_the_error_of_what_it_cuts_off(tmp_path: Path) -> None:
+    steep = "G is V*V-0.1, G > 0.0, X is (V-3.0)/G"
+    free = of(tmp_path, f"{EGO}, {steep}, Y is X*0.1+V, Y*Y*Y < -1000.0.")
+    cut = of(tmp_path, f"{EGO}, {steep}, Y is max(-8.0, min(3.0, X))*0.1+V, Y*Y*Y < -1000.0.")
+    assert cut.margin is not None
+    assert cut.margin <= 1e-5
+    assert free.margin is None or free.margin > cut.margin
+
+
+def test_an_infinite_error_is_said_to_be_one(tmp_path: Path) -> None:
+    found = of(tmp_path, f"{EGO}, V > 60.0, exp(V*V) < 0.5.")
+    assert found.margin is None
+    assert found.because is not None
+    assert found.because.endswith("may be off by any amount")
+
+
+@pytest.mark.parametrize("name", ["properties.pl", "dynamics.pl"])
+def test_the_default_rules_have_small_margins(name: str) -> None:
+    """Every property but those that ask for the braking needed holds with the usual margin."""
+    steep = {
+        "gives_way",
+        "nobody_overlooked",
+        "left_is_as_right",
+        "both_directions_alike",
+        "can_stop_after_step",
+        "front_comes_so_far",
+    }
+    prover = Prover.of((), (RULES / name,), [one for one in properties_of(name) if one not in steep])
+    found = {name: prover.floats(name, 6) for name in prover.answers}
+    assert {name: floats.margin for name, floats in found.items() if floats.margin != USUAL_MARGIN} == {}
+    assert all(floats.error < 1e-10 for floats in found.values())
+
+
+def test_the_braking_needed_asks_for_more_room() -> None:
+    found = Prover.of((), (RULES / "properties.pl",), ["gives_way"]).floats("gives_way", 6)
+    assert found.margin is not None
+    assert USUAL_MARGIN < found.margin <= 5e-6
+    assert found.comparison is not None
+    assert found.comparison.startswith("Needed > Sure (")
+
+
+def properties_of(name: str) -> list[str]:
+    return list(Prover.of((), (RULES / name,)).answers)
+
+
+# ---------------------------------------------------------------- random programs, near their limits
+
+UNKNOWNS = {"a": (0, 1), "b": (-3, 3), "c": (1, 1000), "d": (-1000000, 1000000)}
+DECLARED = " ".join(
+    f"unknown({name}, {low}, {high}, 'number {name}'). :- dynamic({name}/1)."
+    for name, (low, high) in UNKNOWNS.items()
+)
+BOUND = "a(A), b(B), c(C), d(D), "
+
+
+def expression(rng: random.Random, depth: int) -> str:
+    if depth == 0:
+        return rng.choice(["A", "B", "C", "D", "A", "B", "0.1", "0.35", "3.0", "1.0e6"])
+    one, other = (expression(rng, depth - 1) for _ in range(2))
+    return rng.choice(
+        [
+            f"({one} + {other})",
+            f"({one} - {other})",
+            f"({one} * {other})",
+            f"({one} / (1.0 + abs({other})))",
+            f"({one} / {other})",
+            f"sqrt(abs({one}))",
+            f"min({one}, {other})",
+            f"max({one}, {other})",
+            f"abs({one})",
+            f"({one}) ** 2.0",
+        ]
+    )
+
+
+def clause(rng: random.Random) -> str:
+    goals = []
+    for number in range(rng.randint(1, 3)):
+        op = rng.choice(["<", ">", "=<", ">="])
+        left, right = expression(rng, rng.randint(1, 2)), expression(rng, rng.randint(0, 1))
+        goals += [f"X{number} is {left}", f"X{number} {op} {right}"]
+    if rng.random() < 0.3:
+        goals.append(f"( {goals[-1]} -> {expression(rng, 1)} > 0.5 ; {expression(rng, 1)} < {rng.random()} )")
+    return BOUND + ", ".join(goals) + "."
+
+
+def floats_say(root: Node, values: tuple[float, ...]) -> bool | None:
+    return _Floats(facts(values)).truth(root)
+
+
+def facts(values: Sequence[float | Fraction]) -> ExactFacts:
+    return {(name, 1): [(value,)] for name, value in zip(UNKNOWNS, values, strict=True)}
+
+
+def drawn(rng: random.Random) -> tuple[float, ...]:
+    """Numbers within their ranges, some at an end."""
+    return tuple(
+        rng.choice([rng.uniform(low, high), rng.uniform(low, high), float(rng.randint(low, high))])
+        for low, high in UNKNOWNS.values()
+    )
+
+
+def near_limits(root: Node, rng: random.Random, pairs: int) -> Iterator[tuple[float, ...]]:
+    """Numbers next to where the doubles' answer changes, found by halving."""
+    for _ in range(pairs):
+        one, other = drawn(rng), drawn(rng)
+        before, after = floats_say(root, one), floats_say(root, other)
+        if before is after:
+            continue
+        for _ in range(70):
+            middle = tuple((x + y) / 2 for x, y in zip(one, other, strict=True))
+            if floats_say(root, middle) is before:
+                one = middle
+            else:
+                other = middle
+        yield one
+        yield other
+        for scale in (1e-15, 1e-13, 1e-11):
+            yield tuple(
+                min(high, max(low, value + scale * rng.uniform(-1, 1) * max(1.0, abs(value))))
+                for value, (low, high) in zip(one, UNKNOWNS.values(), strict=True)
+            )
+
+
+def disagreements(folder: Path, seed: int, pairs: int) -> tuple[int, int]:
+    """How many numbers exact arithmetic judges unlike doubles; none further off than the margin says."""
+    rng = random.Random(seed)
+    prover = prover_of(folder, clause(rng), DECLARED)
+    if "q" not in prover.answers:
+        return 0, 0
+    margin = prover.floats("q", 0).margin
+    answer, seen, unlike = prover.answers["q"], 0, 0
+    with deep_recursion():
+        for values in near_limits(answer.found, rng, pairs):
+            seen += 1
+            if floats_say(answer.undecided, values):
+                continue
+            exact = {
+                key: [tuple(Fraction(cell) for cell in row) for row in rows]
+                for key, rows in facts(values).items()
+            }
+            verdict = judge(answer.found, exact, facts(values))
+            if verdict.holds is None or verdict.holds is floats_say(answer.found, values):
+                continue
+            unlike += 1
+            assert margin is None or verdict.amount is None or verdict.amount <= margin, (seed, values)
+    return seen, unlike
+
+
+def test_no_program_goes_otherwise_in_doubles_outside_its_margin(tmp_path: Path) -> None:
+    found = [disagreements(tmp_path, seed, 12) for seed in range(120)]
+    seen, unlike = map(sum, zip(*found, strict=True))
+    assert seen > 1000
+    assert unlike > 50  # so near to limits that doubles often judge otherwise
+
+
+@pytest.mark.slow
+def test_no_program_of_many_goes_otherwise(tmp_path: Path) -> None:
+    found = [disagreements(tmp_path, seed, 60) for seed in range(1000, 4000)]
+    assert sum(unlike for _, unlike in found) > 5000
