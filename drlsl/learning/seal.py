@@ -23,8 +23,8 @@ _KEY: Final = "sha256"
 class DamagedError(ValueError):
     """The content is not the one that its checksum was made of."""
 
-    def __init__(self) -> None:
-        super().__init__("the checksum does not fit the content")
+    def __str__(self) -> str:
+        return "the checksum does not fit the content"
 
 
 def seal_archive(content: bytes) -> bytes:

@@ -48,28 +48,38 @@ class UnknownProcedure(ExistenceError):
         super().__init__(existence_error("procedure", name_term(name, arity)).term)
         self._name = name
         self._arity = arity
-        self._program = program
+        self._program: Program | None = program
+        self._hint = ""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The hint goes along, the program does not."""
+        make, arguments, state = super().__reduce__()
+        return make, arguments, {**state, "_hint": self._meant(), "_program": None}
 
     def message(self) -> str:
         """What went wrong, and what may have been meant."""
+        return super().message() + self._meant()
+
+    def _meant(self) -> str:
+        if self._program is None:
+            return self._hint
         known = {key for key, predicate in self._program.predicates.items() if predicate.defined}
         known |= {*registry.DET, *registry.NONDET, *registry.CONTROL, *library().exports}
         arities = sorted(arity for name, arity in known if name == self._name)
         names = get_close_matches(self._name, {name for name, _ in known if not name.startswith("$")}, 1)
-        hint = ""
         if arities:
-            hint = f"; there is {', '.join(f'{self._name}/{arity}' for arity in arities)}"
-        elif names:
+            return f"; there is {', '.join(f'{self._name}/{arity}' for arity in arities)}"
+        if names:
             meant = sorted(arity for name, arity in known if name == names[0])
-            hint = f"; did you mean {names[0]}/{self._arity if self._arity in meant else meant[0]}?"
-        return super().message() + hint
+            return f"; did you mean {names[0]}/{self._arity if self._arity in meant else meant[0]}?"
+        return ""
 
 
 class EngineBusyError(RuntimeError):
     """An engine was asked by a second thread while it was at work."""
 
-    def __init__(self) -> None:
-        super().__init__("the engine is at work in another thread; give each thread an engine of its own")
+    def __str__(self) -> str:
+        return "the engine is at work in another thread; give each thread an engine of its own"
 
 
 class OneThread:

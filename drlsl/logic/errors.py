@@ -5,7 +5,7 @@ Source: ISO 13211-1 7.12.2 (error classification).
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from drlsl.logic.operators import Operators
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
@@ -36,6 +36,11 @@ def _printable(text: str) -> str:
     return "".join(char if char.isprintable() else f"\\x{ord(char):x}\\" for char in text)
 
 
+def _remade(kind: type[PrologError], args: tuple[Any, ...]) -> PrologError:
+    """An error of a kind, which then gets its attributes."""
+    return kind.__new__(kind, *args)
+
+
 class PrologError(Exception):
     """An uncaught ball.
 
@@ -48,6 +53,10 @@ class PrologError(Exception):
         self.term = term
         self.goal = goal
         self.clause = clause
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Errors travel between processes with all that they tell, however they were made."""
+        return _remade, (type(self), self.args), vars(self)
 
     @property
     def formal(self) -> Term:

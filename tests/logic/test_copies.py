@@ -13,8 +13,10 @@ from typing import Any
 
 import pytest
 
-from drlsl.logic import Engine, Limits, PrologError
+from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
 from drlsl.logic.engine import EngineBusyError
+from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.logic.terms import Atom
 
 WAYS: dict[str, Callable[[Any], Any]] = {
     "copy": copy.copy,
@@ -184,3 +186,44 @@ def test_an_engine_at_work_in_another_thread_is_not_copied() -> None:
         thread.start()
         thread.join()
     assert len(found) == 1
+
+
+ERRORS = [
+    "X is a + 1",
+    "apend([1], Y, Z)",
+    "findall(X, Y)",
+    "atom_length(X, Y)",
+    "throw(my(Ball))",
+    "atom_to_term('p(', T, B)",
+    "number_codes(X, [0'a])",
+]
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+@pytest.mark.parametrize("goal", ERRORS)
+def test_errors_can_be_sent(goal: str, way: Callable[[Any], Any]) -> None:
+    engine = Engine()
+    with pytest.raises(PrologError) as caught:
+        engine.holds(goal)
+    assert_sent(caught.value, way)
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+@pytest.mark.parametrize("text", ["p(.", "p(. q(. r(1).", "append(1).\n:- append(1)."])
+def test_errors_of_texts_can_be_sent(text: str, way: Callable[[Any], Any]) -> None:
+    with pytest.raises(PrologError) as caught:
+        Engine().consult_text(f"{text} :- foo(X).")
+    assert_sent(caught.value, way)
+
+
+def assert_sent(error: Exception, way: Callable[[Any], Any]) -> None:
+    twin = way(error)
+    assert type(twin) is type(error)
+    assert str(twin) == str(error)
+    assert vars(twin).keys() == vars(error).keys()
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_other_errors_can_be_sent(way: Callable[[Any], Any]) -> None:
+    for error in (EngineBusyError(), NotLowerable("p/1", None, "it is too deep"), LimitExceeded(Atom("x"))):
+        assert_sent(error, way)

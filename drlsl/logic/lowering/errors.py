@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from drlsl.logic.tokens import Span
 
@@ -19,6 +20,9 @@ class NotLowerable(Exception):
         self.predicate = predicate
         self.span = span
         self.reason = reason
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.predicate, self.span, self.reason)
 
 
 class Undecided(Exception):
