@@ -29,11 +29,12 @@ from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.verify.changing import change, relevant_columns
 from drlsl.verify.closeness import Closeness
 from drlsl.verify.drawing import Drawn, Floats, Layout, Mask, draw, joined, normalise
-from drlsl.verify.drawn_facts import NOBODY, array_facts, exact_facts, float_facts, scene_of
+from drlsl.verify.drawn_facts import array_facts, exact_facts, float_facts, scene_of
 from drlsl.verify.exact import judge
 from drlsl.verify.properties import Book, Property
 from drlsl.verify.ranges import Case
 from drlsl.verify.replay import Counterexample, Replay
+from drlsl.verify.symbolic import NOBODY
 
 SCENES: Final = 200_000
 """Scenes with which a property is attacked, if nothing else is said."""

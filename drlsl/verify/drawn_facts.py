@@ -16,12 +16,10 @@ from drlsl.traffic.road import Direction, Lane
 from drlsl.verify.drawing import OF_A_VEHICLE, Drawn, Floats, Layout, Mask, Whole, lane_centres
 from drlsl.verify.polynomials import Rational
 from drlsl.verify.ranges import Case
+from drlsl.verify.symbolic import NOBODY
 
 ExactFacts: TypeAlias = dict[tuple[str, int], list[tuple[Any, ...]]]
 """Rows of atoms, integers and fractions, by name and arity."""
-
-NOBODY: Final = "none"
-"""What `focus/1` names where it names no vehicle."""
 
 _FIRST_OWN: Final = 1 << 20
 """The integer that stands for vehicle 0 in arrays; atoms of the program have smaller ones."""

@@ -71,6 +71,12 @@ OTHER = "vehicle(C, _, X1, Y1, V1, VY1, L1, W1), C \\== ego"
 TWO = f"{OTHER}, vehicle(D, _, X2, Y2, V2, VY2, L2, W2), D \\== ego, D \\== C"
 
 SLIPS: dict[str, Slip] = {
+    "the power of a root is not looked at": Slip(
+        "values:Algebra._sign_of_root",
+        "    if monomial != ((unknown, 1),):\n        return None\n",
+        "",
+        f"{EGO}, S is V * V, S > 0.0, S < 50.0, R is 1.0 / sqrt(S), R > 10.0",
+    ),
     "the sign of what is under a root that is taken away": Slip(
         "values:Algebra._sign_of_root",
         "self.above(ring.scale(difference, -1))",

@@ -12,7 +12,7 @@ from drlsl.verify.report import Request, Result, verify
 from tests.verify.slips import SLIPS
 
 SAMPLE = (
-    "the sign of what is under a root that is taken away",
+    "the power of a root is not looked at",
     "an equation does not hold at the end of a range",
     "one vehicle fewer than are enough",
     "errors are not looked for",
