@@ -227,3 +227,16 @@ def assert_sent(error: Exception, way: Callable[[Any], Any]) -> None:
 def test_other_errors_can_be_sent(way: Callable[[Any], Any]) -> None:
     for error in (EngineBusyError(), NotLowerable("p/1", None, "it is too deep"), LimitExceeded(Atom("x"))):
         assert_sent(error, way)
+
+
+def test_tabled_predicates_stay_tabled(way: Callable[[Any], Any]) -> None:
+    engine = Engine()
+    engine.consult_text(
+        ":- table(path/2). :- dynamic(edge/2). edge(a, b). edge(b, c). edge(c, a). "
+        "path(X, Y) :- path(X, Z), edge(Z, Y). path(X, Y) :- edge(X, Y)."
+    )
+    assert engine.holds("path(a, c)")
+    twin = way(engine)
+    twin.holds("assertz(edge(c, d))")
+    assert sorted(str(one["Y"]) for one in twin.query("path(a, Y)")) == ["a", "b", "c", "d"]
+    assert sorted(str(one["Y"]) for one in engine.query("path(a, Y)")) == ["a", "b", "c"]
