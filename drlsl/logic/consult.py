@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from drlsl.logic.body import callable_parts
-from drlsl.logic.builtins.arguments import indicators, items
+from drlsl.logic.builtins.arguments import indicators, items, unqualified
 from drlsl.logic.builtins.database import name_term, split_clause
 from drlsl.logic.builtins.registry import CONTROL
 from drlsl.logic.conditions import Conditions
@@ -212,8 +212,9 @@ class Loader:
         if read.singletons:
             names = ", ".join(read.singletons)
             self._warn(f"singleton variable{'s' * (len(read.singletons) > 1)}: {names}", read)
+        term = unqualified(term)
         if type(term) is Struct and term.name == "-->" and len(term.args) == 2:
-            term = translate_rule(term)
+            term = translate_rule(Struct("-->", (unqualified(term.args[0]), term.args[1])))
         head, body = split_clause(term)
         self._add(Clause(head, body, read.span, read.variables, self._name, read), read)
 

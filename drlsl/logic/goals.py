@@ -19,6 +19,7 @@ BUILTIN_ARGUMENTS: Final[dict[tuple[str, int], tuple[int, ...]]] = {
     ("once", 1): (0,),
     ("ignore", 1): (0,),
     ("call", 1): (0,),
+    (":", 2): (1,),
     ("forall", 2): (0, 1),
     ("findall", 3): (1,),
     ("findall", 4): (1,),

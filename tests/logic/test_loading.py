@@ -315,6 +315,20 @@ def test_modules_are_one_name_space(tmp_path: Path) -> None:
     assert values(engine) == [1]
 
 
+def test_module_names_before_heads_indicators_and_goals_are_dropped() -> None:
+    engine = Engine()
+    engine.consult_text(
+        ":- dynamic(user:p/1).\n:- discontiguous user:q/1, r/1.\n"
+        "user:p(1).\nuser:q(X) :- lists:member(X, [1, 2]).\nuser:(r(X) :- q(X), X > 1).\nuser:s --> [a].\n"
+        ":- user:assertz(p(2)).\n:- initialization(user:assertz(p(3)))."
+    )
+    assert values(engine) == [1, 2, 3]
+    assert engine.holds("user:r(2), \\+ r(1), phrase(s, [a]), retract(user:p(1)), assertz(user:p(4)), p(4)")
+    assert not engine.warnings
+    with pytest.raises(PrologError):
+        engine.consult_text("X:p(5).")
+
+
 SWIPL_CASES = [
     IF.replace("p(3) :- a,\n    ) .\n", "p(3).\n").replace("'what ", ""),
     f"{BOM}:- dynamic p/1.\np(1).",

@@ -168,6 +168,7 @@ CARS = [("ego", 1, 0.0), ("a", 1, 7.0), ("b", 2, 3.0), ("c", 1, 3.0)]
             0,
         ),
         ("p :- aggregate_all(r(count, max(X)), ( car(_, _, X), X > 9.0 ), _).", "p/0", "holds", False),
+        ("p(X) :- lists:max_list([1, 2], Y), user:car(a, _, Z), X is Y + Z.", "p/1", "first", 9.0),
         # terms and tables
         ("t(a, 1.0). t(b, 2.0). p(X) :- member(K, [b, a]), t(K, X).", "p/1", "all", [2.0, 1.0]),
         ("p(D) :- car(b, L, _), lane(L, D, _).", "p/1", "first", "right"),

@@ -64,9 +64,19 @@ def check_partial_list(term: Term) -> None:
         raise type_error("list", deref(term))
 
 
+def unqualified(term: Term) -> Term:
+    """A head, clause or indicator without the names of modules before it: there is one name space."""
+    term = deref(term)
+    while type(term) is Struct and term.name == ":" and len(term.args) == 2:
+        if type(deref(term.args[0])) is Var:
+            raise instantiation_error()
+        term = deref(term.args[1])
+    return term
+
+
 def indicator(term: Term) -> tuple[str, int]:
     """The name and arity that a predicate indicator must say."""
-    term = deref(term)
+    term = unqualified(term)
     if type(term) is Var:
         raise instantiation_error()
     if type(term) is not Struct or term.name != "/" or len(term.args) != 2:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from drlsl.logic.body import callable_parts, check_body
-from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators
+from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators, unqualified
 from drlsl.logic.builtins.registry import CONTROL, DET, NONDET, Machine, det, nondet
 from drlsl.logic.errors import existence_error, permission_error, type_error
 from drlsl.logic.program import Clause, Predicate
@@ -34,11 +34,11 @@ def split_clause(term: Term) -> tuple[Term, Term]:
     Raises:
         InstantiationError, PrologTypeError: As assertz/1 does. Source: ISO 13211-1, 8.9.2.3.
     """
-    term = deref(term)
+    term = unqualified(term)
     head: Term = term
     body: Term = TRUE
     if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
-        head, body = deref(term.args[0]), deref(term.args[1])
+        head, body = unqualified(term.args[0]), deref(term.args[1])
     callable_parts(head)
     check_body(body)
     return head, _with_calls(body)
@@ -140,11 +140,11 @@ def clause(machine: Machine, head: Term, body: Term) -> Iterator[bool | None]:
 @nondet("retract", 1)
 def retract(machine: Machine, term: Term) -> Iterator[bool | None]:
     """Source: ISO 13211-1, 8.9.3."""
-    term = deref(term)
+    term = unqualified(term)
     head: Term = term
     body: Term = TRUE
     if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
-        head, body = deref(term.args[0]), deref(term.args[1])
+        head, body = unqualified(term.args[0]), deref(term.args[1])
     name, args = callable_parts(head)
     predicate = machine.program.find(name, len(args))
     if predicate is None:
@@ -161,7 +161,7 @@ def retract(machine: Machine, term: Term) -> Iterator[bool | None]:
 @det("retractall", 1)
 def retractall(machine: Machine, head: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.9.5."""
-    head = deref(head)
+    head = unqualified(head)
     name, args = callable_parts(head)
     predicate = _to_modify(machine, name, len(args))
     free = {id(arg) for arg in map(deref, args) if type(arg) is Var}

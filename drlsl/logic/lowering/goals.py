@@ -129,6 +129,12 @@ def _call(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
 
 GOALS.update({("call", arity): _call for arity in range(1, 9)})
 
+
+@_goal(":", 2)
+def _qualified(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
+    return _call(unfold, args[1:], then)
+
+
 # ---------------------------------------------------------------- unification and comparison of terms
 
 
