@@ -79,6 +79,12 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self._nothing = _constant(self.num_envs, False)
         self._no_reason = _constant(self.num_envs, "")
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be a copy: what infos share stays not to be written to."""
+        vars(self).update(state)
+        for shared in (self._all, self._nothing, self._no_reason):
+            shared.setflags(write=False)
+
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:

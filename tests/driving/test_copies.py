@@ -109,6 +109,15 @@ def test_a_vector_environment_goes_on_alike(kind: str, mode: AutoresetMode, way:
 
 
 @pytest.mark.parametrize("way", WAYS)
+def test_what_infos_share_cannot_be_written_to_in_a_copy_either(way: str) -> None:
+    twin = WAYS[way](vector("recorded", AutoresetMode.NEXT_STEP))
+    _, info = twin.reset(seed=1)
+    for name in ("_speed", "contact", "fail_safe_reason"):
+        with pytest.raises(ValueError, match="read-only"):
+            info[name][0] = True
+
+
+@pytest.mark.parametrize("way", WAYS)
 def test_environments_made_by_gymnasium_go_on_alike(way: str) -> None:
     settings = {"recording": "highway-test", "tier": "numpy"}
     made = gymnasium.make("drlsl/Highway-v0", max_episode_steps=500, **settings)
