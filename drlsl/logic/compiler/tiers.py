@@ -71,6 +71,33 @@ def _call_tabled(predicate: Predicate, machine: Machine, task: Task) -> Task:
     return interpret(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
 
 
+class _Unbound:
+    """Calls a compiled predicate where its first argument is unbound, for which it has no code at first."""
+
+    __slots__ = ("_code", "_left", "_linker", "_predicate", "entry")
+
+    def __init__(self, linker: Any, predicate: Predicate) -> None:
+        self.entry: Any = None  # the code that comes here
+        self._linker = linker
+        self._predicate = predicate
+        self._left = int(PATIENCE * _size(predicate))
+        self._code: Any = None
+
+    def __call__(self, machine: Machine, task: Task) -> Task:
+        self._left -= 1
+        if self._left >= 0:
+            return _call_plain(self._predicate, machine, task)
+        if self._code is None:
+            from drlsl.logic.compiler.predicate import compile_predicate
+
+            self._code = compile_predicate(self._predicate, self._linker)
+            predicate = self._predicate
+            if self.entry is (predicate.entry if predicate.tabled is None else predicate.clauses_entry):
+                _settle(predicate, self._code)
+        compiled: Task = self._code(machine, task)
+        return compiled
+
+
 def _size(predicate: Predicate) -> int:
     """How many nodes the terms of a predicate's clauses have; 0 where it will not be compiled."""
     if not _is_compilable(predicate):
@@ -98,7 +125,9 @@ def _compile(linker: Any, predicate: Predicate) -> Any:
     from drlsl.logic.compiler.predicate import compile_predicate
 
     try:
-        return compile_predicate(predicate, linker)
+        unbound = _Unbound(linker, predicate)
+        unbound.entry = compile_predicate(predicate, linker, unbound)
+        return unbound.entry
     except PrologError:
         # A body that is no goal is an error only once it is reached, which the plain solver waits for.
         return None
