@@ -525,7 +525,8 @@ def try_clauses(
                     choices.append(
                         (other_clauses, mark, candidates, index, end, generation, args, continuation)
                     )
-                return run, code.body, frame
+                # After a fact there is nothing of its own to run.
+                return continuation if code.body is PROCEED_NODE else (run, code.body, frame)
         if len(trail) > mark:
             undo(trail, mark)
     return FAIL

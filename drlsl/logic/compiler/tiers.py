@@ -14,7 +14,7 @@ from drlsl.logic.program import Predicate
 from drlsl.logic.solver import Machine, Task, interpret, try_all
 from drlsl.logic.terms import Struct, deref
 
-PATIENCE: Final = 12.0
+PATIENCE: Final = 8.0
 """Calls by the plain solver in which compiling one node of a clause's term would have paid for itself."""
 
 # Smaller predicates than this are not worth being measured.

@@ -1,0 +1,152 @@
+"""Whatever clauses are looked up by, the answers are those of trying all of them from the top."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drlsl.logic import Engine, Limits, PrologError
+from drlsl.logic.compiler import tiers
+
+_HEAD_TERMS = (
+    "X",
+    "Y",
+    "_",
+    "a",
+    "b",
+    "1",
+    "1.0",
+    "[]",
+    "f(X)",
+    "f(a)",
+    "g(X,Y)",
+    "[X|Y]",
+    "[a|Y]",
+    "[X,b]",
+    "f(f(X))",
+)
+_CALL_TERMS = (
+    "X",
+    "Y",
+    "Z",
+    "a",
+    "b",
+    "1",
+    "1.0",
+    "[]",
+    "f(a)",
+    "f(Z)",
+    "g(Z,b)",
+    "[a]",
+    "[Z|Y]",
+    "[a,b]",
+    "f(f(Z))",
+)
+_GUARDS = (
+    "var(X)",
+    "nonvar(Y)",
+    "atom(X)",
+    "X == Y",
+    "X \\== a",
+    "Y = b",
+    "X = Y",
+    "integer(X)",
+    "1 < 2",
+    "2 < 1",
+    "Z is 1 + 1",
+    "atom(Y), X = a",
+    "\\+ X = a",
+    "(X = a -> true ; Y = b)",
+)
+_CHANGES = ("assertz(d(X))", "asserta(d(9))", "retract(d(X))", "retract(d(1))", "true")
+_PREDICATES = 3
+
+
+@st.composite
+def _clause(draw: st.DrawFn, number: int) -> tuple[list[str], list[str]]:
+    """The head's arguments and the goals of a clause of a predicate, which calls only those after it."""
+    head = draw(st.lists(st.sampled_from(_HEAD_TERMS), min_size=2, max_size=2))
+    goals = draw(st.lists(st.sampled_from(_GUARDS), max_size=2))
+    if draw(st.booleans()):
+        goals.append("!")
+    if number + 1 < _PREDICATES:
+        for _ in range(draw(st.integers(0, 2))):
+            args = ", ".join(draw(st.lists(st.sampled_from(_CALL_TERMS), min_size=2, max_size=2)))
+            goals.append(f"p{draw(st.integers(number + 1, _PREDICATES - 1))}({args})")
+    if draw(st.integers(0, 3)) == 0:
+        goals += ["d(Z)", draw(st.sampled_from(_CHANGES))]
+    return head, goals
+
+
+@st.composite
+def _programs(draw: st.DrawFn) -> tuple[str, str]:
+    """A program, and the same with nothing in its heads to look clauses up by."""
+    plain, bare = [":- dynamic d/1.", "d(1). d(a). d(2)."], [":- dynamic d/1.", "d(1). d(a). d(2)."]
+    for number in range(_PREDICATES):
+        for head, goals in draw(st.lists(_clause(number), min_size=1, max_size=5)):
+            body = goals or ["true"]
+            plain.append(f"p{number}({', '.join(head)}) :- {', '.join(body)}.")
+            unified = [f"A = {head[0]}", f"B = {head[1]}", *body]
+            bare.append(f"p{number}(A, B) :- {', '.join(unified)}.")
+    return "\n".join(plain), "\n".join(bare)
+
+
+def _answers(engine: Engine, goal: str) -> list[str]:
+    found = []
+    try:
+        for solution in engine.query(goal, limits=Limits(inferences=20_000)):
+            found.append(repr(solution))
+            if len(found) == 40:
+                break
+    except PrologError as error:
+        found.append(type(error).__name__)
+    return [_renamed(line) for line in found]
+
+
+def _renamed(line: str) -> str:
+    """One solution's text with its new variables numbered as they occur."""
+    names: dict[str, str] = {}
+    return re.sub(r"_G\d+", lambda hit: names.setdefault(hit[0], f"_{len(names)}"), line)
+
+
+@pytest.mark.parametrize("patience", [0, 0.2, 8])
+@settings(max_examples=25, deadline=None)
+@given(
+    programs=_programs(),
+    calls=st.lists(st.tuples(*[st.sampled_from(_CALL_TERMS)] * 2), min_size=1, max_size=6),
+)
+def test_clauses_found_are_those_that_match(
+    patience: float, programs: tuple[str, str], calls: list[tuple[str, str]]
+) -> None:
+    plain, bare = programs
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", patience)
+        engines = [Engine(compiled=compiled) for compiled in (True, False)]
+        for engine in engines:
+            engine.consult_text(plain)
+        unindexed = Engine(compiled=False)
+        unindexed.consult_text(bare)
+        # What earlier calls asserted stays, and what was cold may have code of its own by then.
+        for first, second in [*calls, *calls]:
+            goal = f"p0({first}, {second}), findall(D, d(D), Ds)"
+            expected = _answers(unindexed, goal)
+            for engine in engines:
+                assert _answers(engine, goal) == expected, (plain, goal)
+
+
+def test_changes_are_unseen_by_the_call_under_way() -> None:
+    """The logical update view, in every tier. Source: ISO 13211-1, 7.5.4."""
+    for patience in (0, 0.2, 8):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(tiers, "PATIENCE", patience)
+            engine = Engine()
+            engine.consult_text(
+                ":- dynamic q/2.\nq(a, 1). q(b, 2). q(a, 3).\n"
+                "walk(K, V) :- q(K, V), W is V + 10, assertz(q(K, W)), retract(q(b, _)).\n"
+                "walk(_, none).\n"
+            )
+            assert [s["V"] for s in engine.query("walk(a, V)")] == [1, "none"]
+            assert [s["V"] for s in engine.query("q(K, V)")] == [1, 3, 11, 13]
