@@ -150,3 +150,14 @@ def test_changes_are_unseen_by_the_call_under_way() -> None:
             )
             assert [s["V"] for s in engine.query("walk(a, V)")] == [1, "none"]
             assert [s["V"] for s in engine.query("q(K, V)")] == [1, 3, 11, 13]
+
+
+def test_what_a_clause_has_bound_is_unseen_by_the_next() -> None:
+    """One variable as two arguments: the first clause binds it through one and fails at the other."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0)
+        engine = Engine()
+        engine.consult_text("p([_|_], []) :- q.\np(f(_), b).\np(A, A).\nq.\n")
+        assert [_renamed(repr(solution)) for solution in engine.query("p(V, V), W = V")] == [
+            "Solution(V=Variable(name='V'), W=Variable(name='V'))"
+        ]

@@ -248,7 +248,15 @@ class _PredicateCompiler:
             function.emit(f"if rounds < 0: return ({', '.join(['entry, 0, None', *args, 'k'])})")
             function.emit("break")
 
+        may_bind = False
         for name, pattern in zip(args, clause.args, strict=True):
+            is_new = type(deref(pattern)) is Var and deref(pattern) not in scope.names
+            if may_bind and not is_new:
+                # What this clause has bound, the next one must not find in the argument itself.
+                local = function.local()
+                function.emit(f"{local} = {name}")
+                name = local
+            may_bind = may_bind or not is_new
             emit_match(function, scope, pattern, name, next_clause)
         place = Place(function, scope, next_clause, pending=leave_choice, loop=jump)
         self._emitter.emit_clause(place, clause, height)
