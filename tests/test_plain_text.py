@@ -11,7 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl import plain_text
+from drlsl import config, plain_text
+from drlsl.assurance import yaml_file
+from drlsl.driving.scene_file import load_scene
 from drlsl.errors import UserError
 from drlsl.plain_text import parse_json, printable, read_text, to_json
 
@@ -89,3 +91,13 @@ def test_printable_text_is_one_line_and_says_the_same(text: str) -> None:
     assert shown.isprintable()
     assert "\n" not in shown
     assert (shown == text) == text.isprintable()
+
+
+def test_a_byte_order_mark_is_skipped_in_scenes_tables_and_configurations(tmp_path: Path) -> None:
+    """Rule files have theirs in tests/logic/test_loading.py."""
+    scene = Path("examples/scene.json").read_bytes()
+    (tmp_path / "scene.json").write_bytes(b"\xef\xbb\xbf" + scene)
+    assert load_scene(tmp_path / "scene.json") == load_scene("examples/scene.json")
+    (tmp_path / "file.yaml").write_bytes(b"\xef\xbb\xbfepisodes: 3\n")
+    assert config.read_yaml(tmp_path / "file.yaml")[0] == {"episodes": 3}
+    assert yaml_file.read_yaml(tmp_path / "file.yaml").values == {"episodes": 3}

@@ -188,6 +188,22 @@ def test_answers(text: str, goal: str, mode: Mode, expected: Any) -> None:
     assert type(got) is type(expected)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "p :- steps(N), N =:= 9007199254740992.0.",
+        "p :- steps(N), limit(L), N > L.",
+        "p :- steps(N), limit(L), X is max(N, L), X =< L.",
+        "p :- steps(N), limit(L), X is min(N, L), X >= N.",
+    ],
+)
+def test_an_integer_beside_a_float(text: str) -> None:
+    """Tiers agree on those that a float is too, and leave the others to the interpreter."""
+    both = tiers(text, "p/0", "holds")
+    assert both.check([facts(steps=2**49 + extra, limit=2.0**49) for extra in (-1, 0, 1)]) == 3
+    assert both.check([facts(steps=2**53 + 1, limit=2.0**53), facts(steps=2**60, limit=1.0)]) == 0
+
+
 def test_no_rows_but_the_first() -> None:
     text = "p(N) :- aggregate_all(count, ( car(C, _, _), C \\== ego ), N). q(X) :- spot(_, X). r :- \\+ q(_)."
     alone = facts()
