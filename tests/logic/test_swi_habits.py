@@ -6,7 +6,7 @@ import io
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, PrologError
@@ -53,6 +53,7 @@ def _as_float(number: float) -> float:
         return math.inf if number > 0 else -math.inf
 
 
+@settings(deadline=None)
 @given(left=_NUMBERS, right=_NUMBERS)
 def test_an_integer_beside_a_float_is_compared_as_one(left: float, right: float) -> None:
     """Source: ISO 13211-1, 8.7.1 with 9.1.4.1."""
