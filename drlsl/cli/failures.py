@@ -18,4 +18,7 @@ def failures_as_errors(*, what: str = "") -> Iterator[None]:
     except RuleFailure as failure:
         raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
     except LimitExceeded as error:
-        raise UserError(f"gave up{what}: it went beyond {LIMITS.inferences:,} inferences") from error
+        bound = f"{LIMITS.inferences:,} inferences"
+        if error.message() != "resource error: inferences":
+            bound = f"a limit ({error.message()})"
+        raise UserError(f"gave up{what}: it went beyond {bound}") from error

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from drlsl.logic.builtins import registry
-from drlsl.logic.builtins.control import Halt
 from drlsl.logic.consult import find_file
 from drlsl.logic.engine import Engine
-from drlsl.logic.errors import PrologError
+from drlsl.logic.errors import Halt, PrologError
 from drlsl.logic.reader import ReadTerm, is_complete, read_term
 from drlsl.logic.solver import FOUND, Limits, Machine
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref

@@ -118,7 +118,7 @@ def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> St
     from drlsl.driving.stress import stress as run
     from drlsl.traffic.load import load_recording
 
-    shield = Shield.from_files(config.rules, tier=config.tier)
+    shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
     recordings = [load_recording(name) for name in config.recordings]
     report = StressReport()
     console = Console(stderr=True)

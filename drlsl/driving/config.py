@@ -100,6 +100,12 @@ class EnvConfig(BaseModel):
     tier: Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"] = Field(
         "auto", description="What runs the rules; auto: the fastest that can run this program."
     )
+    rule_seconds: float | None = Field(
+        None,
+        gt=0,
+        description="Seconds that one question to the rules may take on the interpreter, besides its "
+        "limit of inferences; a resumed run is sure to be the same to the bit only without.",
+    )
     offers: Literal["rules", "prediction", "all"] = Field(
         "rules",
         description="Who says which actions are offered: the rules; a linear prediction, from which those "

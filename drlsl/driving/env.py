@@ -41,7 +41,9 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             UserError: the recording or the rules cannot be used.
         """
         self.config = config if config is not None else EnvConfig(**settings)
-        self.shield = shield or Shield.from_files(self.config.rules, tier=self.config.tier)
+        self.shield = shield or Shield.from_files(
+            self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
+        )
         self.world = World(self.config, load_playbacks([self.config]), self.shield)
         self.observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
         self.action_space = gymnasium.spaces.Discrete(len(Action))

@@ -7,7 +7,7 @@ import logging
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeGuard
@@ -28,6 +28,9 @@ OBSERVATION_SIZE: Final = 10
 
 LIMITS: Final = Limits(inferences=2_000_000)
 """What one question to the rules may cost; a program that never ends must not stop the car from braking."""
+
+LOADING: Final = Limits(inferences=20_000_000, seconds=60.0)
+"""What loading a rule file may cost, its directives included."""
 
 REQUIRED: Final = (
     ("safe_actions", 1),
@@ -67,8 +70,11 @@ class Decision:
 class Shield:
     """A rule program and the engine that runs it; threads may share one, and take turns."""
 
-    def __init__(self, engine: Engine, *, tier: str = "interpreter") -> None:
+    def __init__(self, engine: Engine, *, tier: str = "interpreter", seconds: float | None = None) -> None:
         """Check the program that `engine` has consulted.
+
+        One question to the rules may cost what `LIMITS` says, and `seconds` of time [s] where that is given;
+        beyond that it is a failure of the rules.
 
         Raises:
             UserError: a predicate of `REQUIRED` is missing, or `tier` cannot run the program.
@@ -79,6 +85,7 @@ class Shield:
                 f"the rule program does not define {', '.join(missing)}; rules/highway.pl shows what is asked"
             )
         self.engine = engine
+        self.limits = replace(LIMITS, seconds=seconds)
         self.lock = threading.RLock()
         """Held for every question; who tells facts and asks the engine itself has to hold it meanwhile."""
         self.gives_lane = engine.defines("lane_to_keep", 1)
@@ -113,7 +120,9 @@ class Shield:
         return cls.from_files(default_rules(), tier=tier)
 
     @classmethod
-    def from_files(cls, paths: Sequence[str | Path], *, tier: str = "interpreter") -> Shield:
+    def from_files(
+        cls, paths: Sequence[str | Path], *, tier: str = "interpreter", seconds: float | None = None
+    ) -> Shield:
         """The shield of the program that `paths` hold, consulted in order; no path: the default program.
 
         A name such as paper.pl, where there is no such file, means the program that ships with the package.
@@ -128,7 +137,7 @@ class Shield:
             consult_rules(engine, path)
         for warning in engine.warnings:
             _LOG.warning("%s", warning)
-        return cls(engine, tier=tier)
+        return cls(engine, tier=tier, seconds=seconds)
 
     def decide(self, scene: Scene) -> Decision:
         """What is safe in `scene`.
@@ -141,11 +150,11 @@ class Shield:
             self.state_facts(scene)
             try:
                 return self.checked(
-                    actions=[solution["Action"] for solution in self._safe_actions.solutions(LIMITS)],
-                    speed=_value(self._velocity.once(LIMITS), "Speed"),
-                    observation=_value(self._state.once(LIMITS), "Observation"),
-                    front_is_free=self._front_is_free.once(LIMITS) is not None,
-                    lane=_value(self._lane_to_keep.once(LIMITS), "Lane")
+                    actions=[solution["Action"] for solution in self._safe_actions.solutions(self.limits)],
+                    speed=_value(self._velocity.once(self.limits), "Speed"),
+                    observation=_value(self._state.once(self.limits), "Observation"),
+                    front_is_free=self._front_is_free.once(self.limits) is not None,
+                    lane=_value(self._lane_to_keep.once(self.limits), "Lane")
                     if self.gives_lane
                     else scene.target_lane,
                 )
@@ -161,7 +170,7 @@ class Shield:
         with self.lock:
             self.state_facts(scene)
             try:
-                return self._entry_is_safe.once(LIMITS) is not None
+                return self._entry_is_safe.once(self.limits) is not None
             except (PrologError, LimitExceeded) as error:
                 raise RuleFailure(f"the rules raised an error: {error}") from error
 
@@ -267,10 +276,10 @@ def consult_rules(engine: Engine, path: str | Path) -> None:
 
     Raises:
         UserError: the file cannot be read.
-        PrologError: it is not a valid program.
+        PrologError: it is not a valid program, or loading it goes beyond `LOADING`.
     """
     try:
-        engine.consult(rule_file(path), [rules_folder()])
+        engine.consult(rule_file(path), [rules_folder()], limits=LOADING)
     except OSError as error:
         raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
 

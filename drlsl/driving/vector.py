@@ -62,7 +62,9 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self.num_envs = len(configs)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.shield = shield or Shield.from_files(self.config.rules, tier=self.config.tier)
+        self.shield = shield or Shield.from_files(
+            self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
+        )
         driven = (
             load_playbacks(configs)
             if playbacks is None

@@ -7,13 +7,13 @@ engine.consult_text("parent(ada, byron). parent(byron, clara).")
 [solution["X"] for solution in engine.query("parent(X, _)")]
 """
 
-from drlsl.logic.builtins.control import Halt
 from drlsl.logic.consult import ConsultError, LoadWarning
 from drlsl.logic.engine import Engine, Query
 from drlsl.logic.errors import (
     DomainError,
     EvaluationError,
     ExistenceError,
+    Halt,
     InstantiationError,
     PrologError,
     PrologPermissionError,

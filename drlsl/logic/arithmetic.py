@@ -14,7 +14,15 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+from drlsl.logic.digits import MOST_BITS
 from drlsl.logic.errors import domain_error, evaluation_error, instantiation_error, resource_error, type_error
+from drlsl.logic.integers import (
+    SMALL_BITS,
+    check_division,
+    check_modular_power,
+    check_power,
+    check_product,
+)
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
 if TYPE_CHECKING:
@@ -22,8 +30,6 @@ if TYPE_CHECKING:
 
 Number: TypeAlias = int | float
 
-# An integer of more bits takes seconds to work with and cannot be interrupted meanwhile.
-_MOST_BITS: Final = 1 << 25
 _NESTED: Final = 150
 
 
@@ -80,10 +86,19 @@ def _evaluate_rare(term: Struct, values: list[Number], machine: Machine, nested:
         base, exponent, modulus = (
             _integer(value) for value in values or [evaluate(arg, machine, nested + 1) for arg in term.args]
         )
-        if modulus == 0:
-            raise evaluation_error("zero_divisor")
-        return pow(base, exponent, modulus)
+        return _modular_power(base, exponent, modulus, machine)
     raise type_error("evaluable", Struct("/", (Atom(name), arity)))
+
+
+def _modular_power(base: int, exponent: int, modulus: int, machine: Machine) -> int:
+    if modulus == 0:
+        raise evaluation_error("zero_divisor")
+    check_modular_power(exponent, modulus, machine.meter)
+    check_division(base, modulus, machine.meter)
+    try:
+        return pow(base, exponent, modulus)
+    except ValueError:  # a negative power of what has no inverse
+        raise evaluation_error("undefined") from None
 
 
 def _evaluate_deep(root: Struct, machine: Machine) -> Number:
@@ -229,8 +244,8 @@ def _arithmetic(operation: Callable[[Any, Any], Any]) -> Binary:
 
 def _multiply(left: Number, right: Number, machine: Machine) -> Number:
     if type(left) is int and type(right) is int:
-        if left.bit_length() + right.bit_length() > _MOST_BITS:
-            raise resource_error("memory")
+        if left.bit_length() + right.bit_length() > SMALL_BITS:
+            check_product(left, right, machine.meter)
         return left * right
     return _multiply_floats(left, right, machine)
 
@@ -238,11 +253,13 @@ def _multiply(left: Number, right: Number, machine: Machine) -> Number:
 _multiply_floats = _arithmetic(operator.mul)
 
 
-def _integers(operation: Callable[[int, int], int]) -> Binary:
-    """An operation of integers alone."""
+def _integers(operation: Callable[[int, int], int], *, is_slow: bool = False) -> Binary:
+    """An operation of integers alone; a slow one takes time that grows with the product of their sizes."""
 
-    def apply(left: Number, right: Number, _machine: Machine) -> Number:
+    def apply(left: Number, right: Number, machine: Machine) -> Number:
         if type(left) is int and type(right) is int:
+            if is_slow and left.bit_length() > SMALL_BITS:
+                check_division(left, right, machine.meter)
             return operation(left, right)
         raise type_error("integer", left if type(left) is not int else right)
 
@@ -257,7 +274,7 @@ def _division(operation: Callable[[int, int], int]) -> Binary:
             raise evaluation_error("zero_divisor")
         return operation(left, right)
 
-    return _integers(checked)
+    return _integers(checked, is_slow=True)
 
 
 def _truncated(left: int, right: int) -> int:
@@ -268,7 +285,9 @@ def _truncated(left: int, right: int) -> int:
 def _shift_left(left: int, right: int) -> int:
     if right < 0:
         return left >> -right
-    if left and left.bit_length() + right > _MOST_BITS:
+    if not left:
+        return 0
+    if left.bit_length() + right > MOST_BITS:
         raise resource_error("memory")
     return left << right
 
@@ -283,11 +302,20 @@ def _get_bit(value: int, bit: int) -> int:
     return (value >> bit) & 1
 
 
+def _least_common_multiple(left: int, right: int) -> int:
+    if left.bit_length() + right.bit_length() > MOST_BITS:
+        raise resource_error("memory")
+    return math.lcm(left, right)
+
+
 def _divide(left: Number, right: Number, machine: Machine) -> Number:
     if right == 0 and (type(right) is int or machine.flags.iso or left == 0):
         raise evaluation_error("undefined" if left == 0 else "zero_divisor")
-    if type(left) is int and type(right) is int and not machine.flags.iso and left % right == 0:
-        return left // right
+    if type(left) is int and type(right) is int and not machine.flags.iso:
+        check_division(left, right, machine.meter)
+        quotient, rest = divmod(left, right)
+        if not rest:
+            return quotient
     try:
         return check_float(left / right, left, right)
     except OverflowError:
@@ -307,20 +335,20 @@ def _power_of_floats(left: Number, right: Number) -> float:
         raise evaluation_error("float_overflow") from None
 
 
-def _power_of_integers(base: int, exponent: int) -> int:
+def _power_of_integers(base: int, exponent: int, machine: Machine) -> int:
     """Source: ISO 13211-1 Cor.2, 9.3.10."""
     if exponent < 0:
         if base in (1, -1):
             return base if exponent % 2 else 1
         raise type_error("float", base)
-    if abs(base) > 1 and base.bit_length() * exponent > _MOST_BITS:
-        raise resource_error("memory")
+    if abs(base) > 1:
+        check_power(base.bit_length() * exponent, machine.meter)
     return int(base**exponent)
 
 
 def _power(left: Number, right: Number, machine: Machine) -> Number:
     if type(left) is int and type(right) is int and (right >= 0 or machine.flags.iso or left in (1, -1)):
-        return _power_of_integers(left, right)
+        return _power_of_integers(left, right, machine)
     return _power_of_floats(left, right)
 
 
@@ -390,8 +418,8 @@ BINARY: Final[dict[str, Binary]] = {
     "/\\": _integers(operator.and_),
     "\\/": _integers(operator.or_),
     "xor": _integers(operator.xor),
-    "gcd": _integers(math.gcd),
-    "lcm": _integers(math.lcm),
+    "gcd": _integers(math.gcd, is_slow=True),
+    "lcm": _integers(_least_common_multiple, is_slow=True),
     "getbit": _integers(_get_bit),
     "atan2": _arc_tangent,
     "atan": _arc_tangent,

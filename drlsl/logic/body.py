@@ -11,9 +11,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
-from drlsl.logic.errors import PrologError, instantiation_error, type_error
+from drlsl.logic.deep import Deep, run_deep
+from drlsl.logic.errors import PrologError, instantiation_error, resource_error, type_error
+from drlsl.logic.limits import Meter
 from drlsl.logic.program import Clause
-from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import TRUE, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
 
 HEIGHT: Final = 0
 CONTINUATION: Final = 1
@@ -23,8 +25,16 @@ FIRST_SLOT: Final = 2
 CALL, DET, PROCEED, IN_PLACE, CUT, FAIL, BRANCH, EITHER, SOFT_CUT, CONTROL, NONDET, RAISE = range(12)
 
 _DEEPEST_PATTERN: Final = 60
+_LARGEST_PATTERN: Final = 2_000
+# A pattern that would make more cells than this, each time that its clause is used, is refused.
+_MOST_CELLS: Final = 2_000_000
 _OPAQUE: Final = frozenset({"call", "once", "ignore", "\\+", "not"})
 _FAIL: Final = Atom("fail")
+_CONNECTIVES: Final = frozenset({",", ";", "->", "*->"})
+# After so many control constructs, a body is looked at, to be sure that it has an end.
+_MANY: Final = 20_000
+# A goal's node takes as much time and room as so many cells of a list.
+_CELLS_OF_GOAL: Final = 4
 
 
 class Local:
@@ -53,9 +63,13 @@ class Pattern:
 
 
 class DeepPattern(Pattern):
-    """A pattern too deep to be walked by recursion."""
+    """A pattern too deep, or too large, to be walked by recursion; `cells` is how many it makes."""
 
-    __slots__ = ()
+    __slots__ = ("cells",)
+
+    def __init__(self, name: str, args: tuple[Any, ...], cells: int) -> None:
+        super().__init__(name, args)
+        self.cells = cells
 
 
 class Node:
@@ -157,9 +171,10 @@ class Slots:
     The arguments of a call lie in the frame's first slots, so a variable that is one needs no other.
     """
 
-    __slots__ = ("_locals", "_reusable", "_reuser", "size")
+    __slots__ = ("_locals", "_reusable", "_reuser", "left", "size")
 
     def __init__(self, args: Sequence[Term]) -> None:
+        self.left = 0  # how many more compound terms a recursive walk may meet
         self.size = len(args)
         self._locals: dict[Var, Local] = {}
         self._reusable = 0
@@ -205,7 +220,7 @@ class Slots:
 
 
 class _TooDeep(Exception):
-    """A term nests too deep to be walked by recursion."""
+    """A term nests too deep, or is too large, to be walked by recursion."""
 
 
 def make_pattern(term: Term, slots: Slots, local: Callable[[Var], Local] | None = None) -> Any:
@@ -215,16 +230,20 @@ def make_pattern(term: Term, slots: Slots, local: Callable[[Var], Local] | None 
         return slots.local(term) if local is None else local(term)
     if type(term) is not Struct:
         return term
+    slots.left = _LARGEST_PATTERN
     try:
-        return _compound_pattern(term, local or slots.local, _DEEPEST_PATTERN)
+        return _compound_pattern(term, slots, local or slots.local, _DEEPEST_PATTERN)
     except _TooDeep:
         if local is not None:
             slots.undo_reuse()
         return _deep_pattern(term, slots)
 
 
-def _compound_pattern(term: Struct, local: Callable[[Var], Local], left: int) -> Pattern | Struct:
-    if not left:
+def _compound_pattern(
+    term: Struct, slots: Slots, local: Callable[[Var], Local], left: int
+) -> Pattern | Struct:
+    slots.left -= 1
+    if not left or slots.left < 0:
         raise _TooDeep
     parts: list[Any] = []
     is_ground = True
@@ -236,7 +255,7 @@ def _compound_pattern(term: Struct, local: Callable[[Var], Local], left: int) ->
             parts.append(local(part))  # type: ignore[arg-type]  # kind says so
             is_ground = False
         elif kind is Struct:
-            inner = _compound_pattern(part, local, left - 1)  # type: ignore[arg-type]  # kind says so
+            inner = _compound_pattern(part, slots, local, left - 1)  # type: ignore[arg-type]  # kind says so
             parts.append(inner)
             if type(inner) is Pattern:
                 is_ground = False
@@ -246,9 +265,11 @@ def _compound_pattern(term: Struct, local: Callable[[Var], Local], left: int) ->
 
 
 def _deep_pattern(term: Struct, slots: Slots) -> DeepPattern | Struct:
-    # Shells are filled from the top; ground ones are turned back into terms from the bottom.
+    # Shells are filled from the top, one for a part that is shared; ground ones are turned back into terms
+    # from the bottom.
     root = Pattern(term.name, ())
     order = [(root, term)]
+    shells: dict[int, Pattern] = {id(term): root}
     at = 0
     while at < len(order):
         shell, source = order[at]
@@ -259,20 +280,45 @@ def _deep_pattern(term: Struct, slots: Slots) -> DeepPattern | Struct:
             if type(arg) is Var:
                 parts.append(slots.local(arg))
             elif type(arg) is Struct:
-                inner = Pattern(arg.name, ())
-                order.append((inner, arg))
+                inner = shells.get(id(arg))
+                if inner is None:
+                    inner = shells[id(arg)] = Pattern(arg.name, ())
+                    order.append((inner, arg))
                 parts.append(inner)
             else:
                 parts.append(arg)
         shell.args = tuple(parts)
     ground: dict[int, Struct] = {}
-    for shell, _source in reversed(order):
+    cells: dict[int, int] = {}
+    for shell in _inner_first(root):
         args = tuple(ground.get(id(part), part) for part in shell.args)
         if any(type(part) is Local or isinstance(part, Pattern) for part in args):
             shell.args = args
+            cells[id(shell)] = 1 + sum(cells.get(id(part), 0) for part in args)
         else:
             ground[id(shell)] = Struct(shell.name, args)
-    return ground.get(id(root)) or DeepPattern(root.name, root.args)
+    known = ground.get(id(root))
+    if known is not None:
+        return known
+    if cells[id(root)] > _MOST_CELLS:
+        raise resource_error("memory")
+    return DeepPattern(root.name, root.args, cells[id(root)])
+
+
+def _inner_first(root: Pattern) -> list[Pattern]:
+    """The compound parts of a pattern, each once and behind those inside it."""
+    order: list[Pattern] = []
+    done: set[int] = set()
+    todo: list[tuple[Pattern, bool]] = [(root, False)]
+    while todo:
+        pattern, is_left = todo.pop()
+        if is_left:
+            order.append(pattern)
+        elif id(pattern) not in done:
+            done.add(id(pattern))
+            todo.append((pattern, True))
+            todo.extend((part, False) for part in pattern.args if isinstance(part, Pattern))
+    return order
 
 
 class BodyCompiler:
@@ -287,21 +333,26 @@ class BodyCompiler:
         link: Callable[[Node, str, int], None],
         slots: Slots | None,
         clause: Clause | None = None,
+        meter: Meter | None = None,
     ) -> None:
         self._link = link
         self._slots = slots
         self._clause = clause
+        self._meter = meter
+        self._body: Term = TRUE
         self.barriers = 0
-        self._pending: list[tuple[Node, str]] = []
 
     def compile(self, body: Term, following: Node = PROCEED_NODE) -> Node:
         """The nodes of a body that go on to `following`.
 
         Raises:
             PrologTypeError: The body is not callable. Source: ISO 13211-1, 7.6.2.
+            CyclicTerm: The body has no end.
         """
         check_body(body)
-        return self._goal(body, following, HEIGHT, 0)
+        self._body = body
+        node = self._goal(body, following, HEIGHT, 0)
+        return node if type(node) is Node else run_deep(node)  # type: ignore[arg-type]
 
     def frame_size(self) -> int:
         """How many slots a frame needs behind the continuation; final once everything is compiled."""
@@ -310,10 +361,18 @@ class BodyCompiler:
     def _barrier(self) -> int:
         # Barriers lie behind the variables, whose number is only known at the end: count them down from -1.
         self.barriers += 1
+        if self.barriers == _MANY and not is_acyclic(self._body):
+            raise CyclicTerm("the body contains itself")
+        if self._meter is not None:
+            self._meter.make(_CELLS_OF_GOAL)
         return -self.barriers
 
-    def _goal(self, goal: Term, following: Node, cut: int, above: int) -> Node:
-        """The nodes of one goal; a cut in it cuts back to the height in slot `cut` plus `above`."""
+    def _goal(self, goal: Term, following: Node, cut: int, above: int) -> Node | Deep[Node]:
+        """The nodes of one goal; a cut in it cuts back to the height in slot `cut` plus `above`.
+
+        Those of a control construct are the result of the generator that is returned, so that constructs
+        nest as deep as they will.
+        """
         goal = deref(goal)
         if type(goal) is Struct:
             arity = len(goal.args)
@@ -325,8 +384,7 @@ class BodyCompiler:
                 if goal.name == "->":
                     return self._branch(goal.args[0], goal.args[1], FAIL_NODE, following, cut, above)
                 if goal.name == "*->":
-                    then = self._goal(goal.args[1], following, cut, above)
-                    return self._condition(goal.args[0], then)
+                    return self._soft(goal, following, cut, above)
             elif arity == 1 and goal.name in _OPAQUE:
                 return self._opaque(goal, following, cut, above)
         elif type(goal) is Atom:
@@ -341,7 +399,14 @@ class BodyCompiler:
                 return FAIL_NODE
         return self._call(goal, following)
 
-    def _opaque(self, goal: Struct, following: Node, cut: int, above: int) -> Node:
+    def _soft(self, goal: Struct, following: Node, cut: int, above: int) -> Deep[Node]:
+        then = self._goal(goal.args[1], following, cut, above)
+        if type(then) is not Node:
+            then = yield then
+        node: Node = yield self._condition(goal.args[0], then)
+        return node
+
+    def _opaque(self, goal: Struct, following: Node, cut: int, above: int) -> Node | Deep[Node]:
         """A control construct that calls its argument, in place: cuts in the argument are local to it."""
         inner = deref(goal.args[0])
         if _has_variable_goal(inner):
@@ -364,7 +429,7 @@ class BodyCompiler:
             return self._branch(inner, TRUE, following, following, cut, above)
         return self._branch(inner, _FAIL, following, FAIL_NODE, cut, above)
 
-    def _conjunction(self, goal: Struct, following: Node, cut: int, above: int) -> Node:
+    def _conjunction(self, goal: Struct, following: Node, cut: int, above: int) -> Deep[Node]:
         goals: list[Term] = []
         todo: list[Term] = [goal]
         while todo:
@@ -373,49 +438,62 @@ class BodyCompiler:
                 todo.extend((part.args[1], part.args[0]))
             else:
                 goals.append(part)
+        if self._meter is not None:
+            self._meter.make(_CELLS_OF_GOAL * len(goals))
         for part in reversed(goals):
-            following = self._goal(part, following, cut, above)
+            node = self._goal(part, following, cut, above)
+            following = node if type(node) is Node else (yield node)
         return following
 
-    def _alternatives(self, goal: Struct, following: Node, cut: int, above: int) -> Node:
+    def _alternatives(self, goal: Struct, following: Node, cut: int, above: int) -> Deep[Node]:
+        node: Node
         left = deref(goal.args[0])
+        other = self._goal(goal.args[1], following, cut, above)
+        if type(other) is not Node:
+            other = yield other
         if type(left) is Struct and len(left.args) == 2:
             if left.name == "->":
-                other = self._goal(goal.args[1], following, cut, above)
-                return self._branch(left.args[0], left.args[1], other, following, cut, above)
+                node = yield self._branch(left.args[0], left.args[1], other, following, cut, above)
+                return node
             if left.name == "*->":
-                other = self._goal(goal.args[1], following, cut, above)
                 then = self._goal(left.args[1], following, cut, above)
-                return self._soft_branch(left.args[0], then, other)
-        node = Node(EITHER, self._goal(left, following, cut, above), self._clause)
-        node.other = self._goal(goal.args[1], following, cut, above)
+                if type(then) is not Node:
+                    then = yield then
+                node = yield self._soft_branch(left.args[0], then, other)
+                return node
+        first = self._goal(left, following, cut, above)
+        node = Node(EITHER, first if type(first) is Node else (yield first), self._clause)
+        node.other = other
         return node
 
     def _branch(
         self, condition: Term, then: Term, other: Node, following: Node, cut: int, above: int
-    ) -> Node:
+    ) -> Deep[Node]:
         """If-then-else, where `other` is compiled already; a cut in the condition is local to it."""
         after = self._goal(then, following, cut, above)
+        if type(after) is not Node:
+            after = yield after
+        node: Node = yield self._test(CUT, condition, after, other)
+        return node
+
+    def _soft_branch(self, condition: Term, then: Node, other: Node) -> Deep[Node]:
+        return self._test(SOFT_CUT, condition, then, other)
+
+    def _test(self, commit_by: int, condition: Term, then: Node, other: Node) -> Deep[Node]:
+        """A condition whose first solution leads to `then`, and that has `other` if there is none."""
         node = Node(BRANCH, None, self._clause)
         node.slot = self._barrier()
         node.other = other
-        commit = Node(CUT, after, self._clause)
+        commit = Node(commit_by, then, self._clause)
         commit.slot = node.slot
         commit.target = 0
-        node.next = self._goal(condition, commit, node.slot, 1)
+        if commit_by == SOFT_CUT:
+            commit.other = other
+        first = self._goal(condition, commit, node.slot, 1)
+        node.next = first if type(first) is Node else (yield first)
         return node
 
-    def _soft_branch(self, condition: Term, then: Node, other: Node) -> Node:
-        node = Node(BRANCH, None, self._clause)
-        node.slot = self._barrier()
-        node.other = other
-        commit = Node(SOFT_CUT, then, self._clause)
-        commit.slot = node.slot
-        commit.other = other
-        node.next = self._goal(condition, commit, node.slot, 1)
-        return node
-
-    def _condition(self, goal: Term, following: Node) -> Node:
+    def _condition(self, goal: Term, following: Node) -> Deep[Node]:
         """A goal to whose inside cuts are local, and that leaves its choice points."""
         return self._soft_branch(goal, following, FAIL_NODE)
 
@@ -433,7 +511,18 @@ class BodyCompiler:
         elif type(goal) is Atom:
             node.name = goal.name
         self._link(node, node.name, len(node.args))
-        return node
+        cells = sum(part.cells for part in node.args if type(part) is DeepPattern)
+        if not cells:
+            return node
+        before = Node(DET, node, self._clause)
+        before.function = partial(_make_cells, cells)
+        return before
+
+
+def _make_cells(cells: int, machine: Any) -> bool:
+    """Account for the large terms that a goal is about to be called with."""
+    machine.meter.make(cells)
+    return True
 
 
 def check_body(body: Term) -> None:
@@ -441,27 +530,33 @@ def check_body(body: Term) -> None:
 
     Raises:
         PrologTypeError: ``type_error(callable, Body)``. Source: ISO 13211-1, 7.6.2.
+        CyclicTerm: The body has no end.
     """
-    todo = [body]
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Struct:
-            if len(term.args) == 2 and term.name in (",", ";", "->", "*->"):
-                todo.extend(term.args)
-        elif type(term) is not Atom and type(term) is not Var:
+    for part in _joined(body):
+        if type(part) is not Atom and type(part) is not Var and type(part) is not Struct:
             raise type_error("callable", body)
 
 
 def _has_variable_goal(body: Term) -> bool:
     """Whether a body has a variable where a goal belongs."""
+    return any(type(part) is Var for part in _joined(body))
+
+
+def _joined(body: Term) -> list[Term]:
+    """What the control constructs of a body join, dereferenced."""
+    joined: list[Term] = []
     todo = [body]
+    met = 0
     while todo:
         term = deref(todo.pop())
-        if type(term) is Var:
-            return True
-        if type(term) is Struct and len(term.args) == 2 and term.name in (",", ";", "->", "*->"):
+        if type(term) is Struct and len(term.args) == 2 and term.name in _CONNECTIVES:
             todo.extend(term.args)
-    return False
+            met += 1
+            if met == _MANY and not is_acyclic(body):
+                raise CyclicTerm("the body contains itself")
+        else:
+            joined.append(term)
+    return joined
 
 
 def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:

@@ -29,6 +29,7 @@ from drlsl.logic.errors import (
     type_error,
 )
 from drlsl.logic.goals import CONTROL_ARGUMENTS
+from drlsl.logic.limits import Meter
 from drlsl.logic.linking import builtin, library
 from drlsl.logic.program import Clause, Indicator, Predicate
 from drlsl.logic.reader import ReadTerm, read_terms
@@ -143,9 +144,16 @@ class Loader:
     """
 
     def __init__(
-        self, engine: Engine, name: str, path: Path | None = None, search: Sequence[Path] = ()
+        self,
+        engine: Engine,
+        name: str,
+        path: Path | None = None,
+        search: Sequence[Path] = (),
+        *,
+        meter: Meter,
     ) -> None:
         self._engine = engine
+        self._meter = meter
         self._name = name
         self._search = search
         # The files that are being read, each included by the one before; none for a string.
@@ -197,11 +205,13 @@ class Loader:
                     self._errors.append(error)
                 continue
             try:
+                self._meter.count(1)
                 if not conditions.take(read) and not conditions.skipping:
                     self._term(read)
+            except RecursionError:
+                self._note(resource_error("recursion"), read)
             except PrologError as error:
-                error.clause = error.clause or str(read.span)
-                self._errors.append(error)
+                self._note(error, read)
         self._errors.extend(conditions.unclosed())
 
     def _term(self, read: ReadTerm) -> None:
@@ -273,11 +283,17 @@ class Loader:
     def _succeeds(self, goal: Term, read: ReadTerm) -> bool | None:
         """Whether a goal holds; None, with the error noted, where it raises one."""
         try:
-            return self._engine.run_directive(goal)
+            return self._engine.run_directive(goal, meter=self._meter)
         except PrologError as error:
-            error.clause = error.clause or str(read.span)
-            self._errors.append(error)
+            self._note(error, read)
             return None
+
+    def _note(self, error: PrologError, read: ReadTerm) -> None:
+        """Keep an error to say it with the others; one that is not to be caught ends the loading."""
+        error.clause = error.clause or str(read.span)
+        if not error.catchable:
+            raise error
+        self._errors.append(error)
 
     def _holds(self, goal: Term, read: ReadTerm) -> bool:
         """Whether the goal of an if/1 holds; one that raises an error does not."""
@@ -339,7 +355,7 @@ class Loader:
 
     def _load_file(self, path: Path) -> None:
         try:
-            self._engine.consult(path, self._search)
+            self._engine.consult(path, self._search, limits=self._meter)
         except PrologError as error:
             if _is_rule_file(path):
                 raise

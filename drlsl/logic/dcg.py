@@ -5,6 +5,7 @@ Source: ISO/IEC TS 13211-3.
 
 from __future__ import annotations
 
+from drlsl.logic.deep import Deep, run_deep
 from drlsl.logic.errors import instantiation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
@@ -25,6 +26,10 @@ def translate_rule(rule: Struct) -> Struct:
 
 def translate_body(body: Term, before: Term, after: Term) -> Term:
     """The goal that a grammar body is, between two states of the list."""
+    return run_deep(_translate(body, before, after))
+
+
+def _translate(body: Term, before: Term, after: Term) -> Deep[Term]:
     body = deref(body)
     if type(body) is Var:
         return Struct("phrase", (body, before, after))
@@ -35,24 +40,28 @@ def translate_body(body: Term, before: Term, after: Term) -> Term:
     if type(body) is Atom and body.name == "!":
         return Struct(",", (body, Struct("=", (before, after))))
     if type(body) is Struct:
-        special = _translate_control(body, before, after)
+        special = yield _translate_control(body, before, after)
         if special is not None:
-            return special
+            return special  # type: ignore[no-any-return]  # a term
     return _nonterminal(body, before, after)
 
 
-def _translate_control(body: Struct, before: Term, after: Term) -> Term | None:
+def _translate_control(body: Struct, before: Term, after: Term) -> Deep[Term | None]:
     name, args = body.name, body.args
     if name == "." and len(args) == 2:
         return _terminals(body, before, after)
     if len(args) == 2 and name in (",", "->"):
         middle = Var("S1")
-        return Struct(name, (translate_body(args[0], before, middle), translate_body(args[1], middle, after)))
+        left = yield _translate(args[0], before, middle)
+        right = yield _translate(args[1], middle, after)
+        return Struct(name, (left, right))
     if len(args) == 2 and name in (";", "|"):
-        return Struct(";", (translate_body(args[0], before, after), translate_body(args[1], before, after)))
+        left = yield _translate(args[0], before, after)
+        right = yield _translate(args[1], before, after)
+        return Struct(";", (left, right))
     if name == "\\+" and len(args) == 1:
-        hidden = Struct("\\+", (translate_body(args[0], before, Var()),))
-        return Struct(",", (hidden, Struct("=", (before, after))))
+        inner = yield _translate(args[0], before, Var())
+        return Struct(",", (Struct("\\+", (inner,)), Struct("=", (before, after))))
     if name == "{}" and len(args) == 1:
         return Struct(",", (args[0], Struct("=", (before, after))))
     if name == "call":

@@ -20,7 +20,7 @@ from drlsl.logic.consult import Loader, LoadWarning, read_source
 from drlsl.logic.errors import ExistenceError, existence_error
 from drlsl.logic.explanation import Explanation
 from drlsl.logic.flags import Flags
-from drlsl.logic.limits import Limits
+from drlsl.logic.limits import Limits, Meter
 from drlsl.logic.linking import Linker, library
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Predicate, Program
@@ -201,49 +201,65 @@ class Engine:
 
     # ------------------------------------------------------------------ loading
 
-    def consult(self, path: str | Path, search: Sequence[Path] = ()) -> None:
+    def consult(
+        self, path: str | Path, search: Sequence[Path] = (), *, limits: Limits | Meter | None = None
+    ) -> None:
         """Load a file; loading it again replaces what it said before.
 
-        Files that it names are looked for beside it, then in the folders of `search`.
+        Files that it names are looked for beside it, then in the folders of `search`. `limits` bind what
+        reading it and its directives may use, all together with the files that it loads, which share a meter.
 
         Raises:
             PrologError: The file has errors, all of which the exception names; the program is as it was.
+            LimitExceeded: Loading went beyond its limits; the program is as it was.
             OSError: The file cannot be read.
         """
         path = Path(path)
-        self._load(read_source(path), str(path), path, search)
+        self._load(read_source(path), str(path), path, search, limits)
 
-    def consult_text(self, text: str, name: str = "text") -> None:
+    def consult_text(self, text: str, name: str = "text", *, limits: Limits | None = None) -> None:
         """Load a program from a string; `name` stands for a file's name in messages.
 
         Raises:
             PrologError: The text has errors, all of which the exception names; the program is as it was.
+            LimitExceeded: Loading went beyond its limits; the program is as it was.
         """
-        self._load(text, name, None)
+        self._load(text, name, None, (), limits)
 
-    def load_files(self, files: Term, *, again: bool) -> None:
+    def load_files(self, files: Term, *, again: bool, meter: Meter) -> None:
         """Load the file that a term names, or each of a list, also `again` if it was loaded before.
 
-        They are looked for beside the file that is being loaded, else in the working directory.
+        They are looked for beside the file that is being loaded, else in the working directory. `meter` is
+        that of the query that loads them.
 
         Raises:
             PrologError: There is no such file, or it has errors.
             OSError: It cannot be read.
         """
-        self._loader().load_files(files, again=again)
+        self._loader(meter).load_files(files, again=again)
 
     def finds(self, file: Term) -> bool:
         """Whether a term names a file or a library that could be loaded."""
-        return self._loader().finds(file)
+        return self._loader(Meter(_UNLIMITED)).finds(file)
 
-    def _loader(self) -> Loader:
-        return self.loaders[-1] if self.loaders else Loader(self, "query")
+    def _loader(self, meter: Meter) -> Loader:
+        return self.loaders[-1] if self.loaders else Loader(self, "query", meter=meter)
 
-    def _load(self, text: str, name: str, path: Path | None, search: Sequence[Path] = ()) -> None:
+    def _load(
+        self,
+        text: str,
+        name: str,
+        path: Path | None,
+        search: Sequence[Path],
+        limits: Limits | Meter | None,
+    ) -> None:
+        meter = limits if isinstance(limits, Meter) else Meter(limits or _UNLIMITED)
         with self.alone:
-            self._load_inside(text, name, path, search)
+            self._load_inside(text, name, path, search, meter)
 
-    def _load_inside(self, text: str, name: str, path: Path | None, search: Sequence[Path]) -> None:
+    def _load_inside(
+        self, text: str, name: str, path: Path | None, search: Sequence[Path], meter: Meter
+    ) -> None:
         before = self.program.snapshot()
         operators, flags, warned = self.operators.copy(), self.flags.copy(), len(self.warnings)
         loaded = dict(self.loaded)
@@ -251,7 +267,7 @@ class Engine:
             for known in {name, self.loaded.get(path.resolve(), name)}:
                 self.program.remove_source(known)
             self.loaded[path.resolve()] = name
-        self.loaders.append(Loader(self, name, path, search))
+        self.loaders.append(Loader(self, name, path, search, meter=meter))
         try:
             self.loaders[-1].load(text)
         except BaseException:  # an interrupt must not leave half a program either
@@ -263,9 +279,18 @@ class Engine:
         finally:
             self.loaders.pop()
 
-    def run_directive(self, goal: Term, output: TextIO | None = None, trail: list[Any] | None = None) -> bool:
-        """Prove a goal once; True if that succeeds. Its bindings are kept on `trail`, or else undone."""
-        machine = Machine(self, _UNLIMITED)
+    def run_directive(
+        self,
+        goal: Term,
+        output: TextIO | None = None,
+        trail: list[Any] | None = None,
+        meter: Meter | None = None,
+    ) -> bool:
+        """Prove a goal once; True if that succeeds. Its bindings are kept on `trail`, or else undone.
+
+        `meter` is that of the query or of the text that the goal is a part of.
+        """
+        machine = Machine(self, _UNLIMITED if meter is None else meter.limits, meter)
         machine.output = output or self.output
         with self.alone:
             try:
@@ -403,7 +428,7 @@ class Query:
             with alone:
                 found = machine.solve(self._task(machine, args))
             while found:
-                yield self._solution(args)
+                yield self._solution(args, machine.meter)
                 with alone:
                     found = machine.retry()
         finally:
@@ -415,7 +440,7 @@ class Query:
         with self._engine.alone:
             try:
                 if machine.solve(self._task(machine, args)):
-                    return self._solution(args)
+                    return self._solution(args, machine.meter)
                 return None
             finally:
                 machine.close()
@@ -435,10 +460,12 @@ class Query:
     def _task(self, machine: Machine, args: list[Var]) -> Task:
         return _ask, self._predicate, args, FOUND
 
-    def _solution(self, args: list[Var]) -> Solution:
+    def _solution(self, args: list[Var], meter: Meter) -> Solution:
         # Of variables that are bound to each other, the first gives its name to all.
         names = {deref(arg): name for arg, name in zip(reversed(args), reversed(self._names), strict=True)}
-        return Solution({name: to_value(arg, names) for name, arg in zip(self._names, args, strict=True)})
+        return Solution(
+            {name: to_value(arg, names, meter) for name, arg in zip(self._names, args, strict=True)}
+        )
 
 
 def _query(engine: Engine, terms: list[tuple[Any, ...]], goal: int, variables: Mapping[str, int]) -> Query:

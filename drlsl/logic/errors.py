@@ -5,30 +5,44 @@ Source: ISO 13211-1 7.12.2 (error classification).
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from drlsl.logic.operators import Operators
-from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import Atom, CyclicTerm, Struct, Term, Var, deref
 from drlsl.logic.writer import format_term
 
 _OPERATORS: Final = Operators()
 _SHOWN_DEPTH: Final = 12
 _SHOWN_NAMES: Final = 100
+_SHOWN_TOKENS: Final = 2_000
+_SHOWN_CHARACTERS: Final = 10_000
 
 
 def _show(term: Term) -> str:
     """A term for people: its variables by the names that the program gave them."""
     names: dict[int, str] = {}
     todo = [deref(term)]
-    while todo and len(names) < _SHOWN_NAMES:
+    left = _SHOWN_TOKENS
+    while todo and len(names) < _SHOWN_NAMES and left:
+        left -= 1
         part = todo.pop()
         if isinstance(part, Var):
             names[id(part)] = part.name
         elif isinstance(part, Struct):
-            todo.extend(map(deref, part.args))
-    return format_term(
-        term, _OPERATORS, quoted=True, numbervars=True, max_depth=_SHOWN_DEPTH, variable_names=names
-    )
+            todo.extend(map(deref, part.args[:_SHOWN_NAMES]))
+    try:
+        text = format_term(
+            term,
+            _OPERATORS,
+            quoted=True,
+            numbervars=True,
+            max_depth=_SHOWN_DEPTH,
+            variable_names=names,
+            most=_SHOWN_TOKENS,
+        )
+    except CyclicTerm:
+        return "a cyclic term"
+    return text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + " ..."
 
 
 def _printable(text: str) -> str:
@@ -45,8 +59,11 @@ class PrologError(Exception):
     """An uncaught ball.
 
     `term` is the ball, `goal` the goal that raised it and `clause` the place (``file:line``) of the clause
-    whose body called it; the solver fills the last two where it knows them.
+    whose body called it; the solver fills the last two where it knows them. One that is not `catchable` ends
+    the query, whatever catch/3 is around it.
     """
+
+    catchable: ClassVar[bool] = True
 
     def __init__(self, term: Term, *, goal: Term | None = None, clause: str | None = None) -> None:
         super().__init__(term)
@@ -134,6 +151,19 @@ class ResourceError(PrologError):
 
     def message(self) -> str:
         return f"resource error: {self._part(0)}"
+
+
+class Halt(PrologError):
+    """The program asked to end, with this exit status. Source: ISO 13211-1, 8.17.3."""
+
+    catchable = False
+
+    def __init__(self, status: int) -> None:
+        super().__init__(Struct("unwind", (Struct("halt", (status,)),)))
+        self.status = status
+
+    def message(self) -> str:
+        return f"the program asked to end (halt, status {self.status})"
 
 
 class PrologSyntaxError(PrologError):

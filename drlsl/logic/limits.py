@@ -1,8 +1,16 @@
-"""How much one query may use."""
+"""How much one query may use, and the meter that counts it.
+
+A query has one `Meter`, shared by the searches that run for it (cleanup goals, directives of a text that is
+loaded). The solver reports its inferences; builtins that do much in one call report their steps while they
+walk, and ask for time and room before they make something large. So no call outlives a limit by much.
+"""
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Final
 
 from drlsl.logic.errors import ResourceError, resource_error
 
@@ -10,22 +18,48 @@ from drlsl.logic.errors import ResourceError, resource_error
 class LimitExceeded(ResourceError):
     """A query went beyond its `Limits`. The program cannot catch it; the engine stays usable."""
 
+    catchable = False
+
 
 @dataclass(frozen=True)
 class Limits:
     """How much one query may use; None means no bound.
 
     Attributes:
-        inferences: calls of predicates.
-        seconds: wall-clock time spent searching [s], checked every few thousand inferences.
-        depth: calls waiting for an inner one to end, checked about as often.
+        inferences: calls of predicates; 64 steps of a builtin that walks or makes a large term count as one.
+        seconds: wall-clock time spent searching [s], checked every few hundred inferences, and before an
+            operation that cannot be interrupted is begun, by an estimate of how long that will take.
+        depth: calls waiting for an inner one to end, checked every few thousand inferences.
         trail: bindings that backtracking would have to undo and choice points it could go back to, together.
+        memory: by how much the process may grow while the query runs [bytes]. Where the system tells how much
+            memory the process holds (Linux), that is what counts, whoever asked for it, to within some
+            20 MB; elsewhere its highest value so far, or on Windows only what builtins are about to make.
     """
 
     inferences: int | None = None
     seconds: float | None = None
     depth: int | None = 5_000_000
     trail: int | None = 20_000_000
+    memory: int | None = 768 << 20
+
+
+# How many steps are made between two looks at the clock and the memory, and how long one takes at most [s].
+_STEPS: Final = 20_000
+_STEP_SECONDS: Final = 0.3e-6
+# How long a cell takes that is made, the collector's share included [s].
+_CELL_SECONDS: Final = 0.8e-6
+_STEPS_OF_INFERENCE: Final = 64
+# How many inferences are made between two looks at the memory.
+_INFERENCES: Final = 8_000
+# A cell of a list: the pair, its arguments and an element.
+CELL_BYTES: Final = 150
+# Less than this is not worth a look.
+_SMALL_BYTES: Final = 1 << 20
+_BYTES_OF_STEP: Final = 64
+# Cleanup goals of a query that went beyond its limits share this part of them anew, and at least so much.
+_CLEANUP_SHARE: Final = 0.1
+_CLEANUP_SECONDS: Final = 0.05
+_CLEANUP_INFERENCES: Final = 1_000
 
 
 def exceeded(resource: str, bound: str) -> LimitExceeded:
@@ -33,3 +67,183 @@ def exceeded(resource: str, bound: str) -> LimitExceeded:
     error = LimitExceeded(resource_error(resource).term)
     error.add_note(f"The query went beyond its limit of {bound}.")
     return error
+
+
+class Meter:
+    """What one query has used so far of its limits.
+
+    It is the first entry of the trail of each search, so that whatever binds variables can reach it.
+    """
+
+    __slots__ = (
+        "_base",
+        "_deadline",
+        "_is_extended",
+        "_left",
+        "_most",
+        "_room",
+        "_steps",
+        "_unlooked",
+        "inferences",
+        "limits",
+    )
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.inferences = 0
+        self._most = limits.inferences
+        self._deadline = None if limits.seconds is None else time.monotonic() + limits.seconds
+        self._room = limits.memory
+        self._base: int | None = None
+        self._is_extended = False
+        self._steps = 0
+        self._left = _STEPS
+        self._unlooked = 0
+
+    @property
+    def ref(self) -> None:
+        """Nothing: as an entry of a trail, a meter has nothing to undo."""
+        return None
+
+    @ref.setter
+    def ref(self, _: None) -> None:
+        pass
+
+    # ------------------------------------------------------------------ what the solver reports
+
+    def count(self, inferences: int) -> None:
+        """Account for inferences.
+
+        Raises:
+            LimitExceeded: The query went beyond its limits.
+        """
+        self.inferences += inferences
+        self._check_inferences()
+        if self._deadline is not None and time.monotonic() > self._deadline:
+            raise self._late()
+        self._unlooked += inferences
+        if self._unlooked >= _INFERENCES:
+            self._unlooked = 0
+            self._check_room(0)
+
+    def inferences_left(self) -> int | None:
+        """How many inferences may follow."""
+        if self._most is None:
+            return None
+        return max(0, self._most - self.inferences - self._steps // _STEPS_OF_INFERENCE)
+
+    def allow_cleanup(self) -> None:
+        """Let cleanup goals run after a limit was exceeded, once, for a tenth of the limits.
+
+        All of them together share it; when it is used up, each ends at its first step.
+        """
+        if self._is_extended:
+            return
+        self._is_extended = True
+        if self._most is not None:
+            used = self.inferences + self._steps // _STEPS_OF_INFERENCE
+            share = max(_CLEANUP_INFERENCES, int(self._most * _CLEANUP_SHARE))
+            self._most = max(self._most, used) + share
+        if self._deadline is not None and self.limits.seconds is not None:
+            share_s = max(_CLEANUP_SECONDS, self.limits.seconds * _CLEANUP_SHARE)
+            self._deadline = time.monotonic() + share_s
+        if self._room is not None:
+            self._room += int(self._room * _CLEANUP_SHARE)
+
+    # ------------------------------------------------------------------ what builtins report
+
+    def spend(self, steps: int) -> None:
+        """Account for steps that a builtin has made, or will have made in a moment.
+
+        Raises:
+            LimitExceeded: The query went beyond its limits.
+        """
+        self._left -= steps
+        if self._left < 0:
+            self._look()
+
+    def make(self, cells: int) -> None:
+        """Account for cells of lists, or arguments of terms, that a builtin is about to make.
+
+        Raises:
+            LimitExceeded: There is no time or no room for them.
+        """
+        self._left -= cells
+        if self._left < 0:
+            self._look()
+            if cells > _STEPS:
+                self._check_time(cells * _CELL_SECONDS)
+                self._check_room(cells * CELL_BYTES)
+
+    def text(self, size: int) -> None:
+        """Account for a text of so many bytes that a builtin is about to make.
+
+        Raises:
+            LimitExceeded: There is no room for it.
+        """
+        if size >= _BYTES_OF_STEP:
+            self.spend(size // _BYTES_OF_STEP)
+            if size > _SMALL_BYTES:
+                self._check_room(size)
+
+    def forecast(self, seconds: float) -> None:
+        """Account for an operation about to begin that cannot be interrupted and takes so long [s].
+
+        Raises:
+            LimitExceeded: It would not be over in time.
+        """
+        self.spend(int(seconds / _STEP_SECONDS))
+        self._check_time(seconds)
+
+    def _look(self) -> None:
+        self._steps += _STEPS - self._left
+        self._left = _STEPS
+        self._check_inferences()
+        self._check_time(0.0)
+        self._check_room(0)
+
+    def _check_inferences(self) -> None:
+        most = self._most
+        if most is not None and self.inferences + self._steps // _STEPS_OF_INFERENCE >= most:
+            raise exceeded("inferences", f"{self.limits.inferences} inferences")
+
+    def _check_time(self, more: float) -> None:
+        if self._deadline is not None and time.monotonic() + more > self._deadline:
+            raise self._late()
+
+    def _late(self) -> LimitExceeded:
+        return exceeded("seconds", f"{self.limits.seconds} s")
+
+    def _check_room(self, more: int) -> None:
+        room = self._room
+        if room is None:
+            return
+        held = resident_bytes()
+        if self._base is None:
+            self._base = held
+        if max(0, held - self._base) + more > room:
+            raise exceeded("memory", f"{self.limits.memory} bytes")
+
+
+def resident_bytes() -> int:
+    """How much memory the process holds [bytes]; 0 where the system does not tell."""
+    with suppress(OSError, ValueError, IndexError), open("/proc/self/statm", "rb") as file:
+        return int(file.read().split()[1]) * _page_bytes()
+    return _highest_resident_bytes()
+
+
+def _page_bytes() -> int:
+    import resource
+
+    return resource.getpagesize()
+
+
+def _highest_resident_bytes() -> int:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    import sys
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

@@ -9,7 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, NoReturn
 
+from drlsl.logic.digits import parse_digits
+from drlsl.logic.errors import resource_error
 from drlsl.logic.flags import Flags
+from drlsl.logic.limits import Meter
 from drlsl.logic.operators import Operators
 from drlsl.logic.terms import CURLY, NIL, Atom, Struct, Term, Var, make_list
 from drlsl.logic.tokens import (
@@ -34,7 +37,6 @@ from drlsl.logic.tokens import (
     Span,
     Token,
     parse_float,
-    parse_integer,
     parse_special,
     unquote,
 )
@@ -49,6 +51,10 @@ _META: Final = frozenset(
     {"\\+", "call", "not", "once", "ignore", "forall", "findall", "bagof", "setof", "catch"}
 )
 
+# What reading reports to the meter at once, in tokens and in steps of a walk.
+_REPORT: Final = 1024
+_STEPS: Final = 4 * _REPORT
+_FEW_DIGITS: Final = 4000
 _TOP_PRIORITY: Final = 1200
 _ARGUMENT_PRIORITY: Final = 999
 _ATOM_PRIORITY: Final = 1201
@@ -78,7 +84,7 @@ class ReadTerm:
 
 
 NUMBERS: Final[dict[int, Callable[[str, bool], int | float]]] = {
-    INTEGER: lambda text, iso: parse_integer(text),
+    INTEGER: lambda text, iso: parse_digits(text),
     FRACTION: lambda text, iso: parse_float(text),
     SPECIAL: parse_special,
 }
@@ -103,8 +109,11 @@ class Parser:
     text and offset and tells whether an operand must come next.
     """
 
-    def __init__(self, source: Source, operators: Operators, flags: Flags) -> None:
+    def __init__(
+        self, source: Source, operators: Operators, flags: Flags, meter: Meter | None = None
+    ) -> None:
         self.source = source
+        self.meter = meter
         self.operators = operators
         self.flags = flags
         self.operand_handlers = self._handlers(
@@ -168,6 +177,8 @@ class Parser:
         wants_operand = True
         for kind, text, start in tokens:
             self.at += 1
+            if not self.at % _REPORT and self.meter is not None:
+                self.meter.spend(_STEPS)
             wants_operand = (operand if wants_operand else operator)[kind](text, start)
         single = [name for name in self.variables if name in self.once and name[0] != "_"]
         span = self.source.span(tokens[0][2], tokens[-1][2])
@@ -200,7 +211,10 @@ class Parser:
         return self._push(value, start)
 
     def _integer(self, text: str, start: int) -> bool:
-        return self._number(parse_integer(text), start)
+        return self._number(int(text) if len(text) < _FEW_DIGITS else self._long(text, start), start)
+
+    def _long(self, text: str, start: int) -> int | float:
+        return self._value(lambda digits: parse_digits(digits, meter=self.meter), text, start)
 
     def _fraction(self, text: str, start: int) -> bool:
         return self._number(self._value(parse_float, text, start), start)
@@ -215,6 +229,8 @@ class Parser:
             return convert(text)
         except ValueError as error:
             self._fail(str(error), start, text)
+        except OverflowError:
+            raise resource_error("memory") from None
 
     def _characters(self, text: str, start: int, quote: str) -> str:
         try:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 from drlsl.logic.body import CALL, callable_parts
 from drlsl.logic.errors import resource_error
 from drlsl.logic.explanation import Explanation, Step, shown, value
+from drlsl.logic.limits import Meter
 from drlsl.logic.program import Clause, Predicate
 from drlsl.logic.reader import ReadTerm, Span
 from drlsl.logic.solver import FOUND, LimitExceeded, Limits, Machine
@@ -113,6 +114,8 @@ def explain(
         steps = next(proofs)
     except StopIteration as end:
         return Explanation(text, False, {}, end.value)
+    except RecursionError:
+        raise resource_error("recursion") from None
     try:
         return Explanation(text, True, search.bindings(root.scope), search.finish_all(steps))
     finally:
@@ -125,6 +128,7 @@ class _Search:
     def __init__(self, engine: Engine, limits: Limits, max_depth: int) -> None:
         self.engine = engine
         self.limits = limits
+        self.meter = Meter(limits)
         self.max_depth = max_depth
         self.tried = 0
         self.trail: list[Var] = []
@@ -371,7 +375,7 @@ class _Search:
 
     def _leaf(self, goal: _Goal, kind: str) -> _Proofs:
         """What the solver answers."""
-        machine = Machine(self.engine, self.limits)
+        machine = Machine(self.engine, self.limits, self.meter)
         try:
             found = machine.solve(machine.call(goal.term, FOUND))
             if not found:

@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from drlsl.logic.errors import PrologSyntaxError, syntax_error
+from drlsl.logic.digits import parse_digits
+from drlsl.logic.errors import PrologSyntaxError, resource_error, syntax_error
 from drlsl.logic.flags import Flags
+from drlsl.logic.limits import Meter
 from drlsl.logic.operators import Operators
 from drlsl.logic.parser import NUMBERS, Parser, ReadTerm
-from drlsl.logic.tokens import END, EOF, QUOTED, SYMBOL, UNCLOSED_COMMENT, Source, Span, Tokens
+from drlsl.logic.tokens import END, EOF, INTEGER, QUOTED, SYMBOL, UNCLOSED_COMMENT, Source, Span, Tokens
 
 __all__ = ["ReadTerm", "Reader", "Source", "Span", "is_complete", "parse_number", "read_term", "read_terms"]
 
@@ -29,12 +31,14 @@ class Reader:
 
     __slots__ = ("_flags", "_parser", "_tokens", "source")
 
-    def __init__(self, text: str, operators: Operators, flags: Flags, name: str = "user") -> None:
+    def __init__(
+        self, text: str, operators: Operators, flags: Flags, name: str = "user", meter: Meter | None = None
+    ) -> None:
         text = text.removeprefix(BYTE_ORDER_MARK)
         self.source = Source(text, name)
         self._flags = flags
-        self._parser = Parser(self.source, operators, flags)
-        self._tokens = Tokens(self.source, flags)
+        self._parser = Parser(self.source, operators, flags, meter)
+        self._tokens = Tokens(self.source, flags, meter)
         if text.startswith("#!"):
             self._tokens.offset = (text.find("\n") + 1) or len(text)
 
@@ -65,19 +69,23 @@ class Reader:
         return self._parser.parse(tokens)
 
 
-def read_terms(text: str, operators: Operators, flags: Flags, name: str = "user") -> Reader:
+def read_terms(
+    text: str, operators: Operators, flags: Flags, name: str = "user", meter: Meter | None = None
+) -> Reader:
     """The terms of a text, read lazily: a directive may change `operators` and `flags` between two terms."""
-    return Reader(text, operators, flags, name)
+    return Reader(text, operators, flags, name, meter)
 
 
-def read_term(text: str, operators: Operators, flags: Flags, name: str = "user") -> ReadTerm:
+def read_term(
+    text: str, operators: Operators, flags: Flags, name: str = "user", meter: Meter | None = None
+) -> ReadTerm:
     """The one term of a text, such as a goal; the end token is optional.
 
     Raises:
         PrologSyntaxError: the text is not exactly one term.
     """
     source = Source(text.removeprefix(BYTE_ORDER_MARK), name)
-    stream = Tokens(source, flags)
+    stream = Tokens(source, flags, meter)
     tokens = stream.clause()
     kind, word, start = tokens[-1]
     if len(tokens) == 1:
@@ -86,7 +94,7 @@ def read_term(text: str, operators: Operators, flags: Flags, name: str = "user")
         kind, word, start = stream.clause()[0]
         if kind != EOF:
             raise source.error("text after the end of the term", start, start + len(word))
-    return Parser(source, operators, flags).parse(tokens)
+    return Parser(source, operators, flags, meter).parse(tokens)
 
 
 def is_complete(text: str, flags: Flags) -> bool:
@@ -98,7 +106,7 @@ def is_complete(text: str, flags: Flags) -> bool:
     return tokens[-1][0] == END
 
 
-def parse_number(text: str, flags: Flags) -> int | float:
+def parse_number(text: str, flags: Flags, meter: Meter | None = None) -> int | float:
     """The number that a text denotes, with layout allowed before it and none behind it.
 
     Raises:
@@ -114,7 +122,9 @@ def parse_number(text: str, flags: Flags) -> int | float:
     if kind not in NUMBERS or start + len(digits) != len(text):
         raise syntax_error("illegal number")
     try:
-        value = NUMBERS[kind](digits, flags.iso)
+        value = parse_digits(digits, meter=meter) if kind == INTEGER else NUMBERS[kind](digits, flags.iso)
     except ValueError as error:
         raise syntax_error(str(error)) from None
+    except OverflowError:
+        raise resource_error("memory") from None
     return -value if negative else value

@@ -12,9 +12,7 @@ calls it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from functools import partial
 from itertools import repeat
 from typing import TYPE_CHECKING, Any, Final, TextIO, TypeAlias
@@ -41,12 +39,12 @@ from drlsl.logic.body import (
 )
 from drlsl.logic.body import FAIL as FAIL_OP
 from drlsl.logic.builtins.registry import QUICK
-from drlsl.logic.errors import PrologError, resource_error
+from drlsl.logic.errors import PrologError, representation_error, resource_error
 from drlsl.logic.heads import arguments, match, match_row
 from drlsl.logic.limits import LimitExceeded as LimitExceeded
 from drlsl.logic.limits import Limits as Limits
-from drlsl.logic.limits import exceeded
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.limits import Meter, exceeded
+from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref
 from drlsl.logic.unify import UndoCall, compact, copy_term, undo, unify
 
 if TYPE_CHECKING:
@@ -66,10 +64,12 @@ _COMPACT_TRAIL: Final = 250
 
 
 class Machine:
-    """One search: its trail, its choice points and what it may use."""
+    """One search: its trail, its choice points and what it may use.
+
+    A search for another one, such as that of a cleanup goal, shares the `meter` of that.
+    """
 
     __slots__ = (
-        "_deadline",
         "_depth_at",
         "_slice",
         "_trail_at",
@@ -81,10 +81,10 @@ class Machine:
         "flags",
         "found",
         "globals",
-        "inferences",
         "left",
         "limits",
         "link",
+        "meter",
         "operators",
         "output",
         "program",
@@ -95,7 +95,7 @@ class Machine:
 
     output: TextIO
 
-    def __init__(self, engine: Any, limits: Limits) -> None:
+    def __init__(self, engine: Any, limits: Limits, meter: Meter | None = None) -> None:
         self.engine = engine
         self.program: Program = engine.program
         self.flags: Flags = engine.flags
@@ -104,14 +104,13 @@ class Machine:
         self.state: dict[str, Any] = engine.state
         self.output = engine.output
         self.link: Callable[[Node, str, int], None] = engine.linker.link
-        self.trail: list[Any] = []
-        self.choices: list[Choice] = [(exhausted, 0)]
+        self.meter = Meter(limits) if meter is None else meter
+        self.trail: list[Any] = [self.meter]
+        self.choices: list[Choice] = [(exhausted, 1)]
         self.compiled: bool = engine.compiled
         self.found = False
         self.evaluations: Any = None  # the tables that are being filled, once there is one
         self.limits = limits
-        self.inferences = 0
-        self._deadline = None if limits.seconds is None else time.monotonic() + limits.seconds
         self._depth_at = 0
         self._trail_at = _COMPACT_TRAIL
         self._slice = 0
@@ -160,7 +159,10 @@ class Machine:
                 task = self._handle(error)
             except RecursionError:
                 task = self._handle(resource_error("recursion"))
+            except CyclicTerm:
+                task = self._handle(representation_error("acyclic_term"))
             except MemoryError:
+                self.meter.allow_cleanup()
                 raise LimitExceeded(resource_error("memory").term) from None
 
     def retry(self) -> bool:
@@ -170,25 +172,38 @@ class Machine:
     def keep(self, trail: list[Any]) -> None:
         """Leave the bindings of the solution to the trail of another search, and no choice points."""
         cut(self, 0)
-        trail.extend(self.trail)
-        self.trail.clear()
+        trail.extend(self.trail[1:])
+        del self.trail[1:]
 
     def close(self) -> None:
-        """Give up the search and undo every binding it made."""
+        """Give up the search, run the cleanup goals that are waiting, and undo every binding it made.
+
+        Raises:
+            PrologError: What the first cleanup goal that raised did; the others were run nevertheless.
+        """
+        first: PrologError | None = None
         try:
-            cut(self, 0)
+            while self.choices:
+                try:
+                    cut(self, 0)
+                except PrologError as error:
+                    first = first or error
         finally:
-            undo(self.trail, 0)
+            undo(self.trail, 1)
+        if first is not None:
+            raise first
 
     def call(self, goal: Term, continuation: Task) -> Task:
         """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
-        compiler = BodyCompiler(self.link, None)
+        compiler = BodyCompiler(self.link, None, meter=self.meter)
         node = compiler.compile(deref(goal))
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
 
     def _handle(self, error: PrologError) -> Task:
         """The task of the innermost catch/3 that takes an error; raises it again when there is none."""
-        if isinstance(error, LimitExceeded):
+        if not error.catchable:
+            if isinstance(error, LimitExceeded):
+                self.meter.allow_cleanup()
             raise error
         ball = copy_term(error.term)
         self._unwinding = True
@@ -210,9 +225,12 @@ class Machine:
             elif choice[0] is retry_generator:
                 choice[2].close()
             elif choice[0] is leave_cleanup:
-                with suppress(PrologError):
-                    # The error under way is the one to report.
+                try:
                     clean_up(self, choice[2])
+                except PrologError as another:
+                    # The error under way is the one to report.
+                    if not another.catchable:
+                        raise
         error.term = ball
         raise error
 
@@ -232,25 +250,28 @@ class Machine:
         Raises:
             LimitExceeded: A limit is exceeded.
         """
-        self.inferences += self._slice - self.left
+        used = self._slice - self.left
         self._slice = self.left = 0
         limits = self.limits
-        if limits.inferences is not None and self.inferences >= limits.inferences:
-            raise exceeded("inferences", f"{limits.inferences} inferences")
-        if self._deadline is not None and time.monotonic() > self._deadline:
-            raise exceeded("seconds", f"{limits.seconds} s")
+        self.meter.count(used)
+        self._depth_at -= used
         self._check_trail()
-        if limits.depth is not None and self.inferences >= self._depth_at:
+        if limits.depth is not None and self._depth_at <= 0:
             depth = _depth(task)
             if depth > limits.depth:
                 raise exceeded("depth", f"{limits.depth} nested calls")
             # A call deepens the search by one at most, so nothing can go wrong before this.
-            self._depth_at = self.inferences + max(limits.depth - depth, limits.depth // 8)
+            self._depth_at = max(limits.depth - depth, limits.depth // 8)
         self._next_slice()
 
+    def rest(self, task: Task) -> Task:
+        """Look at the limits before a task of compiled code goes on."""
+        self.tick(task)
+        return task
+
     def _next_slice(self) -> None:
-        most = self.limits.inferences
-        self._slice = _SLICE if most is None else max(1, min(_SLICE, most - self.inferences))
+        most = self.meter.inferences_left()
+        self._slice = _SLICE if most is None else max(1, min(_SLICE, most))
         if self.limits.depth is not None:
             self._slice = max(1, min(self._slice, self.limits.depth))
         self.left = self._slice
@@ -305,7 +326,7 @@ FAIL: Final[Task] = (fail,)
 def exhausted(machine: Machine, _choice: Choice) -> Task:
     """The oldest choice point: there are no more solutions."""
     machine.found = False
-    machine.choices.append((exhausted, 0))
+    machine.choices.append((exhausted, 1))
     raise _STOP.with_traceback(None)
 
 
@@ -348,9 +369,9 @@ def exit_catch(machine: Machine, task: Task) -> Task:
     return continuation
 
 
-def collect(_machine: Machine, task: Task) -> Task:
+def collect(machine: Machine, task: Task) -> Task:
     """Keep a copy of a findall/3's template, and look for the next solution."""
-    task[2].append(copy_term(task[1]))
+    task[2].append(copy_term(task[1], None, machine.meter))
     return FAIL
 
 
@@ -379,8 +400,12 @@ def exit_cleanup(machine: Machine, task: Task) -> Task:
 
 
 def clean_up(machine: Machine, goal: Sequence[Term]) -> None:
-    """Run the cleanup goal of a setup_call_cleanup/3 once, as a search of its own whose bindings are kept."""
-    machine.engine.run_directive(goal[0], machine.output, machine.trail)
+    """Run the cleanup goal of a setup_call_cleanup/3 once, as a search of its own whose bindings are kept.
+
+    It is bound by the limits of the query. After one was exceeded, all cleanup goals together may use a tenth
+    of the limits more.
+    """
+    machine.engine.run_directive(goal[0], machine.output, machine.trail, machine.meter)
 
 
 _OVER: Final = object()
@@ -513,6 +538,7 @@ def try_clauses(
                     break
             elif arg is not pattern:
                 if kind is DeepPattern:
+                    machine.meter.make(pattern.cells)
                     pattern = build(pattern, frame)
                 if type(arg) is Var and arg.ref is None:
                     arg.ref = pattern
@@ -642,10 +668,14 @@ def _place(clause: Clause | None) -> str | None:
 
 
 def cut(machine: Machine, height: int) -> None:
-    """Remove every choice point from `height` on."""
-    removed = machine.choices[height:]
-    del machine.choices[height:]
-    for choice in reversed(removed):
+    """Remove every choice point from `height` on.
+
+    Raises:
+        PrologError: What a cleanup goal raised; the older choice points are still there.
+    """
+    choices = machine.choices
+    while len(choices) > height:
+        choice = choices.pop()
         function = choice[0]
         if function is retry_generator:
             choice[2].close()

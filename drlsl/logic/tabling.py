@@ -150,7 +150,7 @@ def _add_answer(machine: Machine, task: Task) -> Task:
     """The clauses have an answer: keep it if it is new, and look for the next."""
     evaluation, variables = task[1], task[2]
     table: Table = evaluation.table
-    answer = copy_term(Struct("v", tuple(variables))).args if variables else ()  # type: ignore[union-attr]
+    answer = copy_term(Struct("v", tuple(variables)), None, machine.meter).args if variables else ()  # type: ignore[union-attr]
     key = variant_key(answer)
     if key in table.known:
         return FAIL
@@ -211,7 +211,7 @@ def _read(machine: Machine, table: Table, index: int, variables: list[Var], cont
     if not table.complete or index + 1 < len(answers):
         machine.choices.append((_next_answer, len(trail), table, index + 1, variables, continuation))
     if not is_ground:
-        answer = copy_term(Struct("v", answer)).args  # type: ignore[union-attr]  # a compound term's copy
+        answer = copy_term(Struct("v", answer), None, machine.meter).args  # type: ignore[union-attr]  # a compound term's copy
     for variable, value in zip(variables, answer, strict=True):
         variable.ref = value
         trail.append(variable)

@@ -86,3 +86,42 @@ def make_list(items: Iterable[Term], tail: Term = NIL) -> Term:
     for item in reversed(list(items)):
         result = Struct(".", (item, result))
     return result
+
+
+# A walk of fewer compound terms may do without remembering where it was.
+_FEW: Final = 500
+
+
+class CyclicTerm(ValueError):
+    """A term that contains itself has no end, so nothing finite can be made of it."""
+
+
+def is_acyclic(root: Term) -> bool:
+    """Whether a term is finite: no part of it contains itself."""
+    left = _FEW
+    around = [root]
+    while around and left:
+        term = deref(around.pop())
+        if type(term) is Struct:
+            left -= 1
+            around += term.args
+    if not around:
+        return True
+    done: set[int] = set()
+    open_terms: set[int] = set()
+    todo: list[tuple[Term, bool]] = [(root, False)]
+    while todo:
+        term, is_left = todo.pop()
+        term = deref(term)
+        if type(term) is not Struct or id(term) in done:
+            continue
+        if is_left:
+            open_terms.discard(id(term))
+            done.add(id(term))
+        elif id(term) in open_terms:
+            return False
+        else:
+            open_terms.add(id(term))
+            todo.append((term, True))
+            todo.extend((arg, False) for arg in term.args)
+    return True

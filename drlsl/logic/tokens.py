@@ -12,8 +12,10 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Final, NamedTuple, NoReturn
 
+from drlsl.logic.digits import parse_digits
 from drlsl.logic.errors import PrologSyntaxError
 from drlsl.logic.flags import Flags
+from drlsl.logic.limits import Meter
 from drlsl.logic.terms import Atom, Struct
 
 # The kinds of a token are the numbers of the groups of the expression below. A kind "open" is a name with the
@@ -106,10 +108,11 @@ class Source:
         line, column = self.position(start)
         place = Struct("file", (Atom(self.name), line, column))
         ball = Struct("error", (Struct("syntax_error", (Atom(message),)), place))
-        lines = self.text[start - column + 1 :].split("\n", 1)
+        first = start - column + 1
+        line_text = self.text[first : _line_end(self.text, first)]
         width = max(1, end - start)
         return PrologSyntaxError(
-            ball, file=self.name, line=line, column=column, source=lines[0].rstrip("\r"), width=width
+            ball, file=self.name, line=line, column=column, source=line_text.rstrip("\r"), width=width
         )
 
 
@@ -127,10 +130,11 @@ def _convert(text: str, conversions: dict[str, str]) -> str:
 class Tokens:
     """The tokens of a text, one clause at a time."""
 
-    __slots__ = ("_conversions", "_iso", "_matches", "_text", "offset", "source")
+    __slots__ = ("_conversions", "_iso", "_matches", "_meter", "_text", "offset", "source")
 
-    def __init__(self, source: Source, flags: Flags) -> None:
+    def __init__(self, source: Source, flags: Flags, meter: Meter | None = None) -> None:
         self.source = source
+        self._meter = meter
         self.offset = 0
         self._iso = flags.iso
         self._conversions: dict[str, str] = {}
@@ -165,6 +169,8 @@ class Tokens:
             if kind == END or kind >= EOF:
                 self.offset = match.end()
                 break
+            if not len(tokens) % _REPORT and self._meter is not None:
+                self._meter.spend(_STEPS)
         if not tokens:
             tokens.append((EOF, "", len(self.source.text)))
         if tokens[-1][0] == ERROR:
@@ -188,6 +194,10 @@ class Tokens:
         self._matches = None
         raise self.source.error(message, start, end)
 
+
+# What reading reports to the meter at once, in tokens and in steps of a walk.
+_REPORT: Final = 1024
+_STEPS: Final = 4 * _REPORT
 
 UNCLOSED_COMMENT: Final = "end of file in a block comment: expected */"
 _REASONS: Final = {
@@ -244,21 +254,6 @@ def _escape(match: re.Match[str], iso: bool) -> str:
 
 
 _RADIX: Final = {"x": 16, "o": 8, "b": 2}
-_DIGITS_AT_ONCE: Final = 4000
-
-
-def parse_integer(digits: str) -> int:
-    """The value of decimal digits, however many (Python's own conversion stops at 4,300)."""
-    if len(digits) <= _DIGITS_AT_ONCE:
-        return int(digits)
-    digits = digits.replace("_", "")
-    parts = [int(digits[max(0, end - 4000) : end]) for end in range(len(digits), 0, -4000)]
-    base = 10**4000
-    while len(parts) > 1:
-        parts.append(0)
-        parts = [low + high * base for low, high in zip(parts[0::2], parts[1::2], strict=False)]
-        base *= base
-    return parts[0]
 
 
 def parse_float(text: str) -> float:
@@ -285,5 +280,5 @@ def parse_special(text: str, iso: bool) -> int:
     if quote and base == "0":
         return ord("'" if rest == "''" else unquote(rest, "'", iso))
     if quote:
-        return int(rest, int(base))
-    return int(text[2:], _RADIX[text[1]])
+        return parse_digits(rest, int(base))
+    return parse_digits(text[2:], _RADIX[text[1]])

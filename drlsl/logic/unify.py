@@ -1,20 +1,26 @@
 """Unification, the trail, and what compares, copies or walks terms.
 
-Every function here is iterative, so a term's depth is bounded by memory and never by Python's stack.
+Every function here is iterative, so a term's depth is bounded by memory and never by Python's stack. A walk
+that becomes long remembers where it was: parts that a term shares are then walked once, so that a term of 30
+cells which would be 2**30 as a tree is no trouble, and a cyclic term, which unification without the occurs
+check may make, comes to an end. It also reports its steps to the meter of the query, if it is given one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cmp_to_key
 from sys import getrefcount
 from typing import Any, Final, Protocol
 
-from drlsl.logic.errors import representation_error
+from drlsl.logic.limits import Meter
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
-# After so many steps a walk through a term looks whether the term is cyclic.
-_LONG_WALK: Final = 1_500_000
+# From so many steps on, a walk is long. It then remembers every eighth place, which bounds what is walked
+# twice as well as all of them would, for an eighth of the memory.
+_SHORT: Final = 500
+_EIGHTH: Final = 8
+_REPORT: Final = 1024
 
 
 class Undoable(Protocol):
@@ -72,54 +78,8 @@ def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
     return before - len(trail)
 
 
-class _Patience:
-    """Makes sure, once a walk has taken long, that it is not of a cyclic term, which would never end."""
-
-    __slots__ = ("left",)
-
-    def __init__(self) -> None:
-        self.left = _LONG_WALK
-
-    def check(self, *terms: Term) -> int:
-        """The next number of steps before it is time to check again.
-
-        Raises:
-            RepresentationError: One of the terms is cyclic.
-        """
-        if not all(map(is_acyclic, terms)):
-            raise representation_error("acyclic_term")
-        self.left *= 4
-        return self.left
-
-
-def is_acyclic(root: Term) -> bool:
-    """Whether a term is finite: no part of it contains itself."""
-    done: set[int] = set()
-    open_terms: set[int] = set()
-    todo: list[tuple[Term, bool]] = [(root, False)]
-    while todo:
-        term, is_left = todo.pop()
-        term = deref(term)
-        if type(term) is not Struct or id(term) in done:
-            continue
-        if is_left:
-            open_terms.discard(id(term))
-            done.add(id(term))
-        elif id(term) in open_terms:
-            return False
-        else:
-            open_terms.add(id(term))
-            todo.append((term, True))
-            todo.extend((arg, False) for arg in term.args)
-    return True
-
-
 def unify(left: Term, right: Term, trail: Trail) -> bool:
-    """Make two terms equal by binding variables; on failure the caller undoes what was bound.
-
-    Raises:
-        RepresentationError: A cyclic term, which unification without the occurs check may have made, is met.
-    """
+    """Make two terms equal by binding variables; on failure the caller undoes what was bound."""
     while type(left) is Var:
         ref = left.ref
         if ref is None:
@@ -148,17 +108,15 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
 def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
     """Unify compound terms: what can be settled at once is, only pairs of compound terms wait."""
     todo: list[Struct] = []
-    steps = _LONG_WALK
-    patience = None
+    steps = _SHORT
     while True:
         left_args = left.args
         right_args = right.args
         if left.name != right.name or len(left_args) != len(right_args):
             return False
-        steps -= 1
-        if not steps:
-            patience = patience or _Patience()
-            steps = patience.check(left, right)
+        steps -= len(left_args)
+        if steps < 0:
+            return _unify_long([*todo, left, right], trail)
         for one, other in zip(left_args, right_args):  # noqa: B905  (the lengths are equal)
             if one is other:
                 continue
@@ -193,64 +151,169 @@ def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
         left = todo.pop()
 
 
-def occurs(variable: Var, term: Term) -> bool:
-    """Whether an unbound variable occurs in a term."""
-    todo = [term]
+def _unify_long(todo: list[Term], trail: Trail) -> bool:
+    """Go on with a unification that takes long: a pair of terms that was met before is taken as equal."""
+    met = _Pairs(_meter_of(trail))
     while todo:
-        term = deref(todo.pop())
-        if term is variable:
+        right = deref(todo.pop())
+        left = deref(todo.pop())
+        if left is right:
+            continue
+        if type(left) is Var:
+            left.ref = right
+            trail.append(left)
+        elif type(right) is Var:
+            right.ref = left
+            trail.append(right)
+        elif type(left) is Struct:
+            if type(right) is not Struct or left.name != right.name or len(left.args) != len(right.args):
+                return False
+            if not met.before(left, right):
+                push_pairs(todo, left, right)
+        elif type(left) is not type(right) or left != right:
+            return False
+    return True
+
+
+def _meter_of(trail: Trail) -> Meter | None:
+    """The meter of the search that a trail belongs to."""
+    first = trail[0] if trail else None
+    return first if type(first) is Meter else None
+
+
+def push_pairs(todo: list[Term], left: Struct, right: Struct) -> None:
+    """Have the arguments of two terms looked at next, from left to right."""
+    for index in range(len(left.args) - 1, -1, -1):
+        todo.append(left.args[index])
+        todo.append(right.args[index])
+
+
+class _Places:
+    """The compound terms that a long walk was at."""
+
+    __slots__ = ("_at", "_met", "_meter")
+
+    def __init__(self, meter: Meter | None) -> None:
+        self._met: set[int] = set()
+        self._meter = meter
+        self._at = 0
+
+    def before(self, term: Struct) -> bool:
+        """Whether the walk was at a term before; it is now.
+
+        Raises:
+            LimitExceeded: The query went beyond its limits.
+        """
+        return self._before(id(term), len(term.args))
+
+    def _before(self, key: int, size: int) -> bool:
+        if key in self._met:
             return True
+        at = self._at = self._at + 1
+        if not at % _EIGHTH:
+            self._met.add(key)
+            if self._meter is not None and not at % _REPORT:
+                self._meter.spend(_REPORT)
+        if size > _REPORT and self._meter is not None:
+            self._meter.spend(size)
+        return False
+
+
+class _Pairs(_Places):
+    """The pairs of compound terms that a long walk was at."""
+
+    __slots__ = ()
+
+    def before(self, left: Struct, right: Struct) -> bool:  # type: ignore[override]  # a pair is a place
+        return self._before(id(left) << 64 | id(right), len(left.args))
+
+
+def occurs(variable: Var, term: Term, meter: Meter | None = None) -> bool:
+    """Whether an unbound variable occurs in a term."""
+    return any(found is variable for found in _variables(term, meter))
+
+
+def _variables(term: Term, meter: Meter | None) -> Iterator[Var]:
+    """The unbound variables of a term from left to right, some more than once."""
+    todo = [term]
+    steps = _SHORT
+    met: _Places | None = None
+    while todo:
+        term = todo.pop()
+        if type(term) is Var:
+            term = deref(term)
+            if type(term) is Var:
+                yield term
         if type(term) is Struct:
-            todo.extend(term.args)
-    return False
+            steps -= len(term.args)
+            if steps < 0:
+                if met is None:
+                    met = _Places(meter)
+                if met.before(term):
+                    continue
+            todo.extend(reversed(term.args))
 
 
 def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
     """Unify with the occurs check, so that no cyclic term arises. Source: ISO 13211-1, 8.2.2."""
-    todo: list[tuple[Term, Term]] = [(left, right)]
+    meter = _meter_of(trail)
+    met: _Pairs | None = None
+    steps = _SHORT
+    todo: list[Term] = [left, right]
     while todo:
-        left, right = todo.pop()
-        left = deref(left)
-        right = deref(right)
+        right = deref(todo.pop())
+        left = deref(todo.pop())
         if left is right:
             continue
         if type(right) is Var and type(left) is not Var:
             left, right = right, left
         if type(left) is Var:
-            if type(right) is Struct and occurs(left, right):
+            if type(right) is Struct and occurs(left, right, meter):
                 return False
             left.ref = right
             trail.append(left)
         elif type(left) is Struct:
             if type(right) is not Struct or left.name != right.name or len(left.args) != len(right.args):
                 return False
-            todo.extend(zip(reversed(left.args), reversed(right.args), strict=True))
+            steps -= len(left.args)
+            if steps < 0:
+                if met is None:
+                    met = _Pairs(meter)
+                if met.before(left, right):
+                    continue
+            push_pairs(todo, left, right)
         elif type(left) is not type(right) or left != right:
             return False
     return True
 
 
-def is_ground(term: Term) -> bool:
+def is_ground(term: Term, meter: Meter | None = None) -> bool:
     """Whether no unbound variable occurs in a term."""
-    root = term
     todo = [term]
-    steps, patience = _LONG_WALK, _Patience()
+    steps = _SHORT
+    met: _Places | None = None
     while todo:
-        steps -= 1
-        if not steps:
-            steps = patience.check(root)
         term = todo.pop()
         if type(term) is Var:
             term = deref(term)
             if type(term) is Var:
                 return False
         if type(term) is Struct:
+            steps -= len(term.args)
+            if steps < 0:
+                if met is None:
+                    met = _Places(meter)
+                if met.before(term):
+                    continue
             todo.extend(term.args)
     return True
 
 
-def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
-    """A copy with fresh variables and no bound ones; `renaming` holds, and receives, old variable -> new."""
+def copy_term(term: Term, renaming: dict[Var, Term] | None = None, meter: Meter | None = None) -> Term:
+    """A copy with fresh variables and no bound ones; `renaming` holds, and receives, old variable -> new.
+
+    Large terms keep the parts that they share.
+    """
     term = deref(term)
     if renaming is None:
         renaming = {}
@@ -260,19 +323,30 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
         return term
     root = Struct(term.name, ())
     todo = [(root, term.args)]
-    steps, patience = _LONG_WALK, _Patience()
+    steps = _SHORT
+    copies: dict[int, Struct] | None = None
     while todo:
         steps -= 1
         if not steps:
-            steps = patience.check(term)
+            steps = _REPORT
+            if copies is None:
+                copies = {}
+            if meter is not None:
+                meter.spend(_REPORT)
         shell, args = todo.pop()
+        if meter is not None and len(args) > _REPORT:
+            meter.make(len(args))
         copied: list[Term] = []
         for arg in args:
             if type(arg) is Var:
                 arg = deref(arg)
             if type(arg) is Struct:
-                inner = Struct(arg.name, ())
-                todo.append((inner, arg.args))
+                inner = None if copies is None else copies.get(id(arg))
+                if inner is None:
+                    inner = Struct(arg.name, ())
+                    todo.append((inner, arg.args))
+                    if copies is not None and not steps % _EIGHTH:
+                        copies[id(arg)] = inner
                 arg = inner
             elif type(arg) is Var:
                 fresh = renaming.get(arg)
@@ -284,30 +358,15 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None) -> Term:
     return root
 
 
-def term_variables(term: Term) -> list[Var]:
+def term_variables(term: Term, meter: Meter | None = None) -> list[Var]:
     """The distinct unbound variables of a term, from left to right. Source: ISO 13211-1, 8.5.5."""
-    found: dict[Var, None] = {}
-    root = term
-    todo = [term]
-    steps, patience = _LONG_WALK, _Patience()
-    while todo:
-        steps -= 1
-        if not steps:
-            steps = patience.check(root)
-        term = todo.pop()
-        if type(term) is Var:
-            term = deref(term)
-            if type(term) is Var:
-                found[term] = None
-        if type(term) is Struct:
-            todo.extend(reversed(term.args))
-    return list(found)
+    return list(dict.fromkeys(_variables(term, meter)))
 
 
 _RANK = {Var: 0, float: 1, int: 1, Atom: 3, str: 4, Struct: 5}
 
 
-def compare(left: Term, right: Term, *, iso: bool = True) -> int:
+def compare(left: Term, right: Term, *, iso: bool = True, meter: Meter | None = None) -> int:
     """The standard order of terms: -1, 0 or 1.
 
     Variables precede numbers, then atoms, strings, and compound terms by arity, name and arguments. With
@@ -315,12 +374,9 @@ def compare(left: Term, right: Term, *, iso: bool = True) -> int:
     equal integer. Source: ISO 13211-1, 7.2.
     """
     todo: list[Term] = []
-    first, second = left, right
-    steps, patience = _LONG_WALK, _Patience()
+    steps = _SHORT
+    met: _Pairs | None = None
     while True:
-        steps -= 1
-        if not steps:
-            steps = patience.check(first, second)
         left = deref(left)
         right = deref(right)
         if left is not right:
@@ -328,9 +384,11 @@ def compare(left: Term, right: Term, *, iso: bool = True) -> int:
             if order:
                 return order
             if type(left) is Struct and type(right) is Struct:
-                for index in range(len(left.args) - 1, -1, -1):
-                    todo.append(left.args[index])
-                    todo.append(right.args[index])
+                steps -= len(left.args)
+                if steps < 0 and met is None:
+                    met = _Pairs(meter)
+                if met is None or not met.before(left, right):
+                    push_pairs(todo, left, right)
         if not todo:
             return 0
         right = todo.pop()
@@ -362,20 +420,31 @@ def _compare_shallow(left: Term, right: Term, iso: bool) -> int:
     return -1 if first < second else 1
 
 
-def sort_key(*, iso: bool = True) -> Callable[[Term], Any]:
+def sort_key(*, iso: bool = True, meter: Meter | None = None) -> Callable[[Term], Any]:
     """A key that sorts by the standard order of terms."""
-    return cmp_to_key(lambda left, right: compare(left, right, iso=iso))
+    if meter is None:
+        return cmp_to_key(lambda left, right: compare(left, right, iso=iso))
+
+    def order(left: Term, right: Term) -> int:
+        meter.spend(_STEPS_OF_COMPARISON)
+        return compare(left, right, iso=iso, meter=meter)
+
+    return cmp_to_key(order)
 
 
-def variant(left: Term, right: Term) -> bool:
+_STEPS_OF_COMPARISON: Final = 8
+
+
+def variant(left: Term, right: Term, meter: Meter | None = None) -> bool:
     """Whether two terms are equal up to a renaming of variables."""
     forward: dict[Var, Var] = {}
     backward: dict[Var, Var] = {}
-    todo = [(left, right)]
+    steps = _SHORT
+    met: _Pairs | None = None
+    todo = [left, right]
     while todo:
-        left, right = todo.pop()
-        left = deref(left)
-        right = deref(right)
+        right = deref(todo.pop())
+        left = deref(todo.pop())
         if type(left) is not type(right):
             return False
         if type(left) is Var and type(right) is Var:
@@ -384,20 +453,26 @@ def variant(left: Term, right: Term) -> bool:
         elif type(left) is Struct and type(right) is Struct:
             if left.name != right.name or len(left.args) != len(right.args):
                 return False
-            todo.extend(zip(left.args, right.args, strict=True))
+            steps -= len(left.args)
+            if steps < 0:
+                if met is None:
+                    met = _Pairs(meter)
+                if met.before(left, right):
+                    continue
+            push_pairs(todo, left, right)
         elif left != right:
             return False
     return True
 
 
-def subsumes(general: Term, specific: Term) -> bool:
+def subsumes(general: Term, specific: Term, meter: Meter | None = None) -> bool:
     """Whether `specific` is an instance of `general`; binds nothing. Source: ISO 13211-1, 8.2.4."""
-    trail: Trail = []
-    before = term_variables(specific)
+    trail: Trail = [meter]
+    before = term_variables(specific, meter)
     try:
         if not unify(general, specific, trail):
             return False
         after = [deref(variable) for variable in before]
         return all(type(term) is Var for term in after) and len(set(map(id, after))) == len(before)
     finally:
-        undo(trail, 0)
+        undo(trail, 1)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from math import isfinite, isnan
 from typing import Any, Final, TypeAlias, Union
 
+from drlsl.logic.digits import decimal_digits
 from drlsl.logic.errors import representation_error
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import is_acyclic
-from drlsl.logic.writer import format_integer, variable_name
+from drlsl.logic.limits import Meter
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, is_acyclic, make_list
+from drlsl.logic.writer import variable_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,7 @@ class String(str):
 
 # Larger terms are looked at first, to be sure that they are finite.
 _LARGE: Final = 50_000
+_REPORT: Final = 1024
 
 Value: TypeAlias = Union[str, int, float, "list[Any]", Compound, Variable]
 
@@ -72,24 +74,22 @@ class Solution(Mapping[str, Value]):
         return f"Solution({', '.join(f'{name}={value!r}' for name, value in self._values.items())})"
 
 
-def to_value(term: Term, names: Mapping[Term, str] | None = None) -> Value:
-    """A term as a Python value; `names` has the names of variables that have one."""
+def to_value(term: Term, names: Mapping[Term, str] | None = None, meter: Meter | None = None) -> Value:
+    """A term as a Python value; `names` has the names of variables that have one.
+
+    Raises:
+        RepresentationError: The term is cyclic.
+        LimitExceeded: There is no time or no room for it, by the meter of the query that it is a solution of.
+    """
     term = deref(term)
     if type(term) is not Struct:
         return _simple_value(term, names or {})
     # Every compound term behind the one that it is part of, so that values can be built from the end.
-    order = [term]
-    is_checked = False
-    for struct in order:
-        if len(order) > _LARGE and not is_checked:
-            if not is_acyclic(term):
-                raise representation_error("acyclic_term")
-            is_checked = True
-        order.extend(part for part in map(deref, _parts(struct)[1]) if type(part) is Struct)
+    order = _inner_first(term, meter)
     values: dict[int, Value] = {}
-    for struct in reversed(order):
-        if id(struct) in values:
-            continue
+    for struct in order:
+        if meter is not None:
+            meter.spend(1)
         is_list, parts = _parts(struct)
         converted = [
             values[id(part)] if type(part) is Struct else _simple_value(part, names or {})
@@ -99,7 +99,34 @@ def to_value(term: Term, names: Mapping[Term, str] | None = None) -> Value:
     return values[id(term)]
 
 
-def _parts(struct: Struct) -> tuple[bool, list[Term]]:
+def _inner_first(root: Struct, meter: Meter | None) -> list[Struct]:
+    """The compound terms that a term consists of, each once and behind those inside it.
+
+    Raises:
+        RepresentationError: The term is cyclic.
+    """
+    order: list[Struct] = []
+    begun: set[int] = set()
+    done: set[int] = set()
+    todo: list[tuple[Struct, bool]] = [(root, False)]
+    while todo:
+        struct, is_left = todo.pop()
+        key = id(struct)
+        if is_left:
+            done.add(key)
+            order.append(struct)
+        elif key not in done:
+            if key in begun:
+                raise representation_error("acyclic_term")
+            begun.add(key)
+            todo.append((struct, True))
+            todo.extend(
+                (part, False) for part in map(deref, _parts(struct, meter)[1]) if type(part) is Struct
+            )
+    return order
+
+
+def _parts(struct: Struct, meter: Meter | None = None) -> tuple[bool, list[Term]]:
     """Whether a compound term is a proper list, and its elements or else its arguments."""
     items: list[Term] = []
     rest: Term = struct
@@ -107,7 +134,11 @@ def _parts(struct: Struct) -> tuple[bool, list[Term]]:
         items.append(rest.args[0])
         if len(items) == _LARGE and not is_acyclic(struct):
             raise representation_error("acyclic_term")
+        if meter is not None and not len(items) % _REPORT:
+            meter.make(2 * _REPORT)
         rest = deref(rest.args[1])
+    if meter is not None:
+        meter.spend(len(struct.args))
     return (True, items) if rest is NIL else (False, list(struct.args))
 
 
@@ -134,14 +165,14 @@ def to_plain(value: Value) -> str | int | float | list[Any]:
     if isinstance(value, list):
         return [to_plain(item) for item in value]
     if isinstance(value, int) and not -_LONGEST < value < _LONGEST:
-        return format_integer(value)
+        return decimal_digits(value)
     if isinstance(value, float) and not isfinite(value):
         return str(value)
     return value if isinstance(value, str | int | float) else str(value)
 
 
 def _text(value: Value) -> str:
-    return format_integer(value) if isinstance(value, int) else str(value)
+    return decimal_digits(value) if isinstance(value, int) else str(value)
 
 
 def to_term(value: Any, variables: dict[str, Var] | None = None, *, allow_nan: bool = False) -> Term:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from drlsl.logic.digits import decimal_digits
 from drlsl.logic.operators import Operators
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
+
+if TYPE_CHECKING:
+    from drlsl.logic.limits import Meter
 
 # Source: ISO 13211-1 6.4.2 (name tokens); letters and symbols beyond ASCII follow SWI-Prolog.
 _PLAIN_ATOM: Final = re.compile(r"[a-z]\w*|[#$&*+\-./:<=>?@^~\\]+|[^\x00-\x7f\w\s]+|\[\]|\{\}|!|;")
@@ -17,11 +21,12 @@ _ESCAPES: Final = {
     "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r",
     "\a": "\\a", "\b": "\\b", "\f": "\\f", "\v": "\\v",
 }  # fmt: skip
+_STEPS_OF_TASK: Final = 4
 _ARGUMENT: Final = 999
 _ANY: Final = 1200
-_DIGITS_AT_ONCE: Final = 4000
-# Integers of at most so many bits have at most that many digits.
-_BITS_AT_ONCE: Final = int(_DIGITS_AT_ONCE * math.log2(10))
+# So many tasks are done between two reports to the meter; from so many on, a term may be cyclic.
+_REPORT: Final = 1024
+_LONG: Final = 100_000
 
 _Task = str | tuple[Term, int, int]
 
@@ -50,31 +55,6 @@ def _quote(text: str, quote: str) -> str:
             pieces.append(f"\\x{ord(char):x}\\")
     pieces.append(quote)
     return "".join(pieces)
-
-
-def format_integer(value: int) -> str:
-    """Decimal digits of an integer of any size (Python's own conversion stops at 4,300 digits)."""
-    if value.bit_length() <= _BITS_AT_ONCE:
-        return str(value)
-    sign, value = ("-", -value) if value < 0 else ("", value)
-    return sign + _long_digits(value).lstrip("0")
-
-
-def _long_digits(value: int) -> str:
-    parts = [(value, _half_size(value))]
-    digits: list[str] = []
-    while parts:
-        value, size = parts.pop()
-        if size <= _DIGITS_AT_ONCE:
-            digits.append(str(value).zfill(size))
-            continue
-        high, low = divmod(value, 10 ** (size // 2))
-        parts += ((low, size // 2), (high, size - size // 2))
-    return "".join(digits)
-
-
-def _half_size(value: int) -> int:
-    return int(value.bit_length() * math.log10(2)) + 1
 
 
 def format_float(value: float) -> str:
@@ -106,17 +86,23 @@ def format_term(
     variable_names: Mapping[int, str] | None = None,
     spacing: bool = False,
     priority: int = _ANY,
+    meter: Meter | None = None,
+    most: int = 0,
 ) -> str:
     """The text of a term.
 
     `max_depth` 0 means no bound; below it, subterms are written as ``...``. `variable_names` maps
     ``id(variable)`` to a name. `spacing` puts a space after the comma between arguments. A term above
-    `priority` is bracketed.
+    `priority` is bracketed. With `most`, a text of many more tokens ends in ``...``.
+
+    Raises:
+        CyclicTerm: The term has no end.
+        LimitExceeded: Writing it goes beyond the limits that `meter` keeps.
 
     Source: ISO 13211-1 7.10.5 with Cor.2.
     """
     style = _Style(operators, quoted, ignore_ops, numbervars, max_depth, variable_names or {}, spacing)
-    return _Writer(style).write(term, priority)
+    return _Writer(style, meter, most).write(term, priority)
 
 
 class _Style:
@@ -143,8 +129,11 @@ class _Style:
 class _Writer:
     """Turns tasks (tokens to emit, terms to expand) into text, last task first; nothing here recurses."""
 
-    def __init__(self, style: _Style) -> None:
+    def __init__(self, style: _Style, meter: Meter | None, most: int) -> None:
         self.style = style
+        self.meter = meter
+        self.most = most
+        self.done = 0
         self.pieces: list[str] = []
         self.last = ""
         self.tasks: list[_Task] = []
@@ -152,13 +141,29 @@ class _Writer:
     def write(self, term: Term, priority: int) -> str:
         tasks = self.tasks
         tasks.append((term, priority, 1))
+        left = self.most or _REPORT
         while tasks:
+            left -= 1
+            if not left:
+                left = _REPORT
+                if self.most:
+                    self.pieces.append(" ...")
+                    break
+                self._report(_REPORT, term)
             task = tasks.pop()
             if type(task) is str:
                 self._emit(task)
             else:
                 self._expand(*task)
         return "".join(self.pieces)
+
+    def _report(self, steps: int, term: Term) -> None:
+        """Account for steps, and make sure once that a long walk has an end."""
+        if self.meter is not None:
+            self.meter.spend(_STEPS_OF_TASK * steps)
+        before, self.done = self.done, self.done + steps
+        if before < _LONG <= self.done and not is_acyclic(term):
+            raise CyclicTerm("the term contains itself")
 
     def _emit(self, token: str) -> None:
         """Append a token, with a space before it where it would run into the one before."""
@@ -183,7 +188,10 @@ class _Writer:
         elif isinstance(term, Var):
             self._emit(style.names.get(id(term)) or variable_name(term))
         elif isinstance(term, int):
-            self._emit(format_integer(term))
+            if self.most and term.bit_length() > _LONG:
+                self._emit(f"<an integer of {term.bit_length()} bits>")
+            else:
+                self._emit(decimal_digits(term, self.meter))
         elif isinstance(term, float):
             self._emit(format_float(term))
         else:
@@ -242,6 +250,8 @@ class _Writer:
             work.append((tail.args[0], _ARGUMENT, depth + 1))
             work.append(self.style.comma)
             tail = deref(tail.args[1])
+            if len(work) % _REPORT == 1:
+                self._report(_REPORT, tail)
         if tail is not NIL:
             work[-1] = "|"
             work.append((tail, _ARGUMENT, depth + 1))
@@ -308,13 +318,16 @@ class _Writer:
                 break
             if right >= priority:
                 return 0
+            self._report(1, operand)
             term, own_maximum = deref(term.args[-1]), right
         return maximum
 
     def _opening(self, term: Term, maximum: int) -> str:
         """What the text of an operand begins with: ``(``, ``0`` for any digit, or nothing of note."""
         operators = self.style.operators
+        whole = term
         while isinstance(term, Struct):
+            self._report(1, whole)
             operand = self._left_operand(term)
             if operand is None:
                 is_prefix = len(term.args) == 1 and term.name in operators.prefix and term.name != "{}"

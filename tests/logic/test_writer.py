@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drlsl.logic.digits import decimal_digits
 from drlsl.logic.flags import Flags
 from drlsl.logic.operators import Operators
 from drlsl.logic.reader import read_term
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, make_list
 from drlsl.logic.unify import variant
-from drlsl.logic.writer import format_atom, format_float, format_integer, format_term
+from drlsl.logic.writer import format_atom, format_float, format_term
 from tests.logic.strategies import characters, operator_tables, terms
 
 _VARIABLES = [Var("X"), Var("Y")]
@@ -96,12 +97,12 @@ def test_floats_hold_a_dot_and_keep_their_value(value: float) -> None:
 
 @given(st.integers() | st.integers(3990, 4010).map(lambda size: 10**size - 1) | st.just(-(7**20000)))
 def test_integers_of_any_size_read_back(value: int) -> None:
-    assert _read(format_integer(value), Operators()) == value
+    assert _read(decimal_digits(value), Operators()) == value
 
 
 def test_long_integers_have_their_digits() -> None:
-    assert format_integer(10**9000) == "1" + "0" * 9000
-    assert format_integer(-(10**9000) + 1) == "-" + "9" * 9000
+    assert decimal_digits(10**9000) == "1" + "0" * 9000
+    assert decimal_digits(-(10**9000) + 1) == "-" + "9" * 9000
 
 
 @pytest.mark.parametrize(

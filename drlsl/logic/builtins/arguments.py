@@ -7,10 +7,10 @@ from typing import Final
 from drlsl.logic.builtins.registry import Machine
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
-from drlsl.logic.unify import Trail, is_acyclic, undo, unify
+from drlsl.logic.unify import Trail, undo, unify
 
-# At this length a list is looked at, to be sure that it has an end.
-_LONG_LIST: Final = 100_000
+# After so many cells, a list is looked at, to be sure that it has an end.
+_LONG_LIST: Final = 50_000
 
 
 def atom(term: Term) -> Atom:
@@ -37,24 +37,51 @@ def not_negative(term: Term) -> int:
     return value
 
 
-def items(term: Term) -> list[Term]:
-    """The elements of the proper list that an argument must be."""
-    found, tail = prefix(term)
+def items(term: Term, machine: Machine | None = None) -> list[Term]:
+    """The elements of the proper list that an argument must be; see `prefix`."""
+    found, tail = prefix(term, machine)
     if tail is NIL:
         return found
     raise instantiation_error() if type(tail) is Var else type_error("list", deref(term))
 
 
-def prefix(term: Term) -> tuple[list[Term], Term]:
-    """The elements of a list as far as it goes, and what follows them: ``[]`` for a proper list."""
+def prefix(term: Term, machine: Machine | None = None) -> tuple[list[Term], Term]:
+    """The elements of a list as far as it goes, and what follows them: ``[]`` for a proper list.
+
+    Of a list that has no end, what follows is the rest from some cell on. The meter of `machine` is told how
+    long the list is.
+    """
     found: list[Term] = []
     term = deref(term)
+    left = _LONG_LIST
     while type(term) is Struct and term.name == "." and len(term.args) == 2:
         found.append(term.args[0])
-        if len(found) == _LONG_LIST and not is_acyclic(term):
-            raise type_error("list", Atom("..."))
+        left -= 1
+        if not left:
+            left = _LONG_LIST
+            if _is_endless(term):
+                return found, term
+            if machine is not None:
+                machine.meter.spend(_LONG_LIST)
         term = deref(term.args[1])
+    if machine is not None:
+        machine.meter.spend(_LONG_LIST - left)
     return found, term
+
+
+def _is_endless(cell: Term) -> bool:
+    """Whether a list leads back to one of its cells. Source: R. P. Brent, BIT 20 (1980), section 3."""
+    power = length = 1
+    tortoise, hare = cell, cell
+    while True:
+        if type(hare) is not Struct or hare.name != "." or len(hare.args) != 2:
+            return False
+        hare = deref(hare.args[1])
+        if hare is tortoise:
+            return True
+        if power == length:
+            tortoise, power, length = hare, 2 * power, 0
+        length += 1
 
 
 def check_partial_list(term: Term) -> None:
@@ -99,7 +126,7 @@ def indicators(term: Term) -> list[tuple[str, int]]:
 
 def attempt(machine: Machine, left: Term, right: Term) -> bool:
     """Unify for good, or leave no binding behind: what a generator needs that goes on after a mismatch."""
-    trail: Trail = []
+    trail: Trail = [machine.meter]
     matches = unify(left, right, trail)
-    undo(trail, 0)
+    undo(trail, 1)
     return matches and machine.unify(left, right)

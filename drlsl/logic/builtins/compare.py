@@ -17,78 +17,78 @@ def equal(machine: Machine, left: Term, right: Term) -> bool:
     mode = machine.flags.occurs_check
     if mode == "false":
         return machine.unify(left, right)
-    trail: list[Any] = []
+    trail: list[Any] = [machine.meter]
     sound = unify_occurs(left, right, trail)
     if not sound and mode == "error":
-        undo(trail, 0)
+        undo(trail, 1)
         if unify(left, right, trail):
-            undo(trail, 0)
+            undo(trail, 1)
             raise type_error("acyclic_term", Struct("=", (left, right)))
-    undo(trail, 0)
+    undo(trail, 1)
     return sound and machine.unify(left, right)
 
 
 @det("\\=", 2)
-def not_unifiable(_machine: Machine, left: Term, right: Term) -> bool:
-    trail: list[Any] = []
+def not_unifiable(machine: Machine, left: Term, right: Term) -> bool:
+    trail: list[Any] = [machine.meter]
     unifiable = unify(left, right, trail)
-    undo(trail, 0)
+    undo(trail, 1)
     return not unifiable
 
 
 @det("unify_with_occurs_check", 2)
 def unify_with_occurs_check(machine: Machine, left: Term, right: Term) -> bool:
     """Source: ISO 13211-1, 8.2.2."""
-    trail: list[Any] = []
+    trail: list[Any] = [machine.meter]
     sound = unify_occurs(left, right, trail)
-    undo(trail, 0)
+    undo(trail, 1)
     return sound and machine.unify(left, right)
 
 
 @det("==", 2)
-def identical(_machine: Machine, left: Term, right: Term) -> bool:
-    return compare(left, right) == 0
+def identical(machine: Machine, left: Term, right: Term) -> bool:
+    return compare(left, right, meter=machine.meter) == 0
 
 
 @det("\\==", 2)
-def not_identical(_machine: Machine, left: Term, right: Term) -> bool:
-    return compare(left, right) != 0
+def not_identical(machine: Machine, left: Term, right: Term) -> bool:
+    return compare(left, right, meter=machine.meter) != 0
 
 
 @det("=@=", 2)
-def is_variant(_machine: Machine, left: Term, right: Term) -> bool:
-    return variant(left, right)
+def is_variant(machine: Machine, left: Term, right: Term) -> bool:
+    return variant(left, right, machine.meter)
 
 
 @det("\\=@=", 2)
-def is_no_variant(_machine: Machine, left: Term, right: Term) -> bool:
-    return not variant(left, right)
+def is_no_variant(machine: Machine, left: Term, right: Term) -> bool:
+    return not variant(left, right, machine.meter)
 
 
 @det("?=", 2)
 def decided(machine: Machine, left: Term, right: Term) -> bool:
     """Whether the terms are identical or cannot be unified."""
-    return compare(left, right) == 0 or not_unifiable(machine, left, right)
+    return compare(left, right, meter=machine.meter) == 0 or not_unifiable(machine, left, right)
 
 
 @det("@<", 2)
 def before(machine: Machine, left: Term, right: Term) -> bool:
-    return compare(left, right, iso=machine.flags.iso) < 0
+    return compare(left, right, iso=machine.flags.iso, meter=machine.meter) < 0
 
 
 @det("@>", 2)
 def after(machine: Machine, left: Term, right: Term) -> bool:
-    return compare(left, right, iso=machine.flags.iso) > 0
+    return compare(left, right, iso=machine.flags.iso, meter=machine.meter) > 0
 
 
 @det("@=<", 2)
 def not_after(machine: Machine, left: Term, right: Term) -> bool:
-    return compare(left, right, iso=machine.flags.iso) <= 0
+    return compare(left, right, iso=machine.flags.iso, meter=machine.meter) <= 0
 
 
 @det("@>=", 2)
 def not_before(machine: Machine, left: Term, right: Term) -> bool:
-    return compare(left, right, iso=machine.flags.iso) >= 0
+    return compare(left, right, iso=machine.flags.iso, meter=machine.meter) >= 0
 
 
 _ORDERS = {-1: Atom("<"), 0: Atom("="), 1: Atom(">")}
@@ -103,53 +103,55 @@ def compare_terms(machine: Machine, order: Term, left: Term, right: Term) -> boo
             raise type_error("atom", order)
         if order.name not in ("<", "=", ">"):
             raise domain_error("order", order)
-    return machine.unify(order, _ORDERS[compare(left, right, iso=machine.flags.iso)])
+    return machine.unify(order, _ORDERS[compare(left, right, iso=machine.flags.iso, meter=machine.meter)])
 
 
 def sorted_terms(machine: Machine, terms: list[Term]) -> list[Term]:
     """The terms in the standard order, duplicates kept."""
+    machine.meter.make(2 * len(terms))
     terms = [deref(term) for term in terms]
     kinds = set(map(type, terms))
     if kinds == {int} or kinds == {str}:
         return sorted(terms)  # type: ignore[type-var]  # all of one ordered type
     if kinds == {Atom}:
         return sorted(terms, key=lambda term: term.name)  # type: ignore[union-attr]  # atoms, all of them
-    return sorted(terms, key=sort_key(iso=machine.flags.iso))
+    return sorted(terms, key=sort_key(iso=machine.flags.iso, meter=machine.meter))
 
 
-def without_repeats(terms: list[Term]) -> list[Term]:
+def without_repeats(machine: Machine, terms: list[Term]) -> list[Term]:
     """A sorted list without the repetitions of identical terms."""
+    machine.meter.spend(len(terms))
     kept: list[Term] = []
     for term in terms:
-        if not kept or compare(kept[-1], term) != 0:
+        if not kept or compare(kept[-1], term, meter=machine.meter) != 0:
             kept.append(term)
     return kept
 
 
 @det("msort", 2)
 def msort(machine: Machine, terms: Term, result: Term) -> bool:
-    return machine.unify(result, make_list(sorted_terms(machine, items(terms))))
+    return machine.unify(result, make_list(sorted_terms(machine, items(terms, machine))))
 
 
 @det("sort", 2)
 def sort(machine: Machine, terms: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.3."""
-    elements = items(terms)
+    elements = items(terms, machine)
     if machine.flags.iso:
         check_partial_list(result)
-    return machine.unify(result, make_list(without_repeats(sorted_terms(machine, elements))))
+    return machine.unify(result, make_list(without_repeats(machine, sorted_terms(machine, elements))))
 
 
 @det("keysort", 2)
 def keysort(machine: Machine, pairs: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.4."""
-    elements = [_pair(term) for term in items(pairs)]
+    elements = [_pair(term) for term in items(pairs, machine)]
     if machine.flags.iso:
         check_partial_list(result)
-        for term in prefix(result)[0]:
+        for term in prefix(result, machine)[0]:
             if type(deref(term)) is not Var:
                 _pair(term)
-    key = sort_key(iso=machine.flags.iso)
+    key = sort_key(iso=machine.flags.iso, meter=machine.meter)
     elements.sort(key=lambda pair: key(pair.args[0]))
     return machine.unify(result, make_list(elements))
 
@@ -172,12 +174,13 @@ def sort_by(machine: Machine, key: Term, order: Term, terms: Term, result: Term)
         raise type_error("atom", order)
     if order.name not in ("@<", "@=<", "@>", "@>="):
         raise domain_error("order", order)
-    keyed = [(_sort_argument(term, position), term) for term in items(terms)]
-    by = sort_key(iso=machine.flags.iso)
+    keyed = [(_sort_argument(term, position), term) for term in items(terms, machine)]
+    by = sort_key(iso=machine.flags.iso, meter=machine.meter)
     keyed.sort(key=lambda item: by(item[0]), reverse=order.name in ("@>", "@>="))
+    keeps = order.name in ("@=<", "@>=")
     kept: list[tuple[Term, Term]] = []
     for item in keyed:
-        if order.name in ("@=<", "@>=") or not kept or compare(kept[-1][0], item[0]) != 0:
+        if keeps or not kept or compare(kept[-1][0], item[0], meter=machine.meter) != 0:
             kept.append(item)
     return machine.unify(result, make_list([term for _, term in kept]))
 

@@ -11,7 +11,7 @@ from drlsl.logic.builtins.lists import check_result
 from drlsl.logic.builtins.registry import Machine as Builtins
 from drlsl.logic.builtins.registry import control, det, nondet
 from drlsl.logic.dcg import translate_body
-from drlsl.logic.errors import PrologError, error_from_term, instantiation_error, type_error
+from drlsl.logic.errors import Halt, PrologError, error_from_term, instantiation_error, type_error
 from drlsl.logic.solver import (
     FAIL,
     CatchPoint,
@@ -29,14 +29,6 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 from drlsl.logic.unify import copy_term, term_variables
 
 
-class Halt(Exception):
-    """The program asked to end, with this exit status. Source: ISO 13211-1, 8.17.3."""
-
-    def __init__(self, status: int) -> None:
-        super().__init__(status)
-        self.status = status
-
-
 def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Task) -> Task:
     """The task that proves a goal with more arguments added, opaque to cuts."""
     name, args = callable_parts(goal)
@@ -48,8 +40,8 @@ def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Ta
         if op == DET:
             return continuation if target(machine, *args) else FAIL
         if op == CONTROL:
-            task: Task = target(machine, args, continuation)
-            return task
+            # Not called from here, since its goal may be the call of another, and so on.
+            return _construct, target, name, args, continuation
         return start_generator(machine, target(machine, *args), continuation)
     except PrologError as error:
         if error.goal is None:
@@ -63,6 +55,18 @@ def qualified(machine: Machine, args: Sequence[Term], continuation: Task) -> Tas
     if type(deref(args[0])) is Var:
         raise instantiation_error()
     return invoke(machine, args[1], (), continuation)
+
+
+def _construct(machine: Machine, task: Task) -> Task:
+    """Begin a control construct."""
+    _, target, name, args, continuation = task
+    try:
+        following: Task = target(machine, args, continuation)
+    except PrologError as error:
+        if error.goal is None:
+            error.goal = Struct(name, args) if args else Atom(name)
+        raise
+    return following
 
 
 def _call(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
@@ -138,9 +142,9 @@ def _start_cleanup(machine: Machine, task: Task) -> Task:
 
 
 @det("throw", 1)
-def throw(_machine: Builtins, ball: Term) -> bool:
+def throw(machine: Builtins, ball: Term) -> bool:
     """Source: ISO 13211-1, 7.8.10."""
-    ball = copy_term(ball)
+    ball = copy_term(ball, meter=machine.meter)
     if type(ball) is Var:
         raise instantiation_error()
     raise error_from_term(ball)
@@ -175,6 +179,7 @@ def begin_findall(machine: Machine, found: list[Term], result: Term, continuatio
 
 def _finish_findall(machine: Machine, choice: Task) -> Task:
     _, _, found, result, tail, continuation = choice
+    machine.meter.make(len(found))
     answer = make_list(found) if tail is None else make_list(found, tail)
     return continuation if machine.unify(result, answer) else FAIL
 
@@ -184,9 +189,9 @@ def _call_lambda(machine: Machine, args: Sequence[Term], continuation: Task) -> 
     parameters = deref(args[0])
     renaming: dict[Var, Term] = {}
     if type(parameters) is Struct and parameters.name == "/" and len(parameters.args) == 2:
-        renaming = {variable: variable for variable in term_variables(parameters.args[0])}
+        renaming = {variable: variable for variable in term_variables(parameters.args[0], machine.meter)}
         parameters = parameters.args[1]
-    fresh = copy_term(Struct(">>", (parameters, args[1])), renaming)
+    fresh = copy_term(Struct(">>", (parameters, args[1])), renaming, machine.meter)
     assert type(fresh) is Struct
     formal, rest = prefix(fresh.args[0])
     if type(rest) is not Var and rest is not NIL:

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Final
 
 from drlsl.logic.body import callable_parts, check_body
 from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators, unqualified
 from drlsl.logic.builtins.registry import CONTROL, DET, NONDET, Machine, det, nondet
-from drlsl.logic.errors import existence_error, permission_error, type_error
+from drlsl.logic.deep import Deep, run_deep
+from drlsl.logic.errors import existence_error, permission_error, representation_error, type_error
 from drlsl.logic.program import Clause, Predicate
-from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref
-from drlsl.logic.unify import copy_term, undo, unify
+from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, is_acyclic
+from drlsl.logic.unify import Trail, copy_term, undo, unify
+
+# Trying a clause takes as long as so many steps of a walk.
+_STEPS_OF_CLAUSE: Final = 10
 
 
 def is_builtin(name: str, arity: int) -> bool:
@@ -41,33 +46,38 @@ def split_clause(term: Term) -> tuple[Term, Term]:
         head, body = unqualified(term.args[0]), deref(term.args[1])
     callable_parts(head)
     check_body(body)
-    return head, _with_calls(body)
+    return head, run_deep(_with_calls(body)) if type(body) is not Atom else body
 
 
-def _with_calls(body: Term) -> Term:
+def _with_calls(body: Term) -> Deep[Term]:
     """The body with its variables as goals wrapped in call/1."""
     goals: list[Term] = []
     rest = deref(body)
     while type(rest) is Struct and rest.name == "," and len(rest.args) == 2:
-        goals.append(_with_calls_inside(rest.args[0]))
+        goals.append((yield _with_calls_inside(rest.args[0])))
         rest = deref(rest.args[1])
-    result = _with_calls_inside(rest)
+    result: Term = yield _with_calls_inside(rest)
     for goal in reversed(goals):
         result = Struct(",", (goal, result))
     return result
 
 
-def _with_calls_inside(goal: Term) -> Term:
+def _with_calls_inside(goal: Term) -> Deep[Term]:
     goal = deref(goal)
     if type(goal) is Var:
         return Struct("call", (goal,))
     if type(goal) is Struct and len(goal.args) == 2 and goal.name in (",", ";", "->", "*->"):
-        return Struct(goal.name, (_with_calls(goal.args[0]), _with_calls(goal.args[1])))
+        left = yield _with_calls(goal.args[0])
+        right = yield _with_calls(goal.args[1])
+        return Struct(goal.name, (left, right))
     return goal
 
 
-def _new_clause(term: Term) -> Clause:
-    head, body = split_clause(copy_term(term))
+def _new_clause(machine: Machine, term: Term) -> Clause:
+    copied = copy_term(term, meter=machine.meter)
+    if not is_acyclic(copied):
+        raise representation_error("acyclic_term")
+    head, body = split_clause(copied)
     return Clause(head, body)
 
 
@@ -85,7 +95,7 @@ def _to_modify(machine: Machine, name: str, arity: int) -> Predicate:
 @det("assert", 1)
 def assertz(machine: Machine, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.2."""
-    clause = _new_clause(term)
+    clause = _new_clause(machine, term)
     name, args = callable_parts(clause.head)
     _to_modify(machine, name, len(args)).append(clause)
     return True
@@ -94,7 +104,7 @@ def assertz(machine: Machine, term: Term) -> bool:
 @det("asserta", 1)
 def asserta(machine: Machine, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.1."""
-    clause = _new_clause(term)
+    clause = _new_clause(machine, term)
     name, args = callable_parts(clause.head)
     _to_modify(machine, name, len(args)).prepend(clause)
     return True
@@ -114,7 +124,8 @@ def _matching(
         clause = candidates[index]
         if clause.erased and clause.erased <= generation:
             continue
-        fresh = copy_term(Struct(":-", (clause.head, clause.body)))
+        machine.meter.spend(_STEPS_OF_CLAUSE)
+        fresh = copy_term(Struct(":-", (clause.head, clause.body)), meter=machine.meter)
         if attempt(machine, pattern, fresh):
             yield clause, index == end - 1
 
@@ -175,10 +186,11 @@ def retractall(machine: Machine, head: Term) -> bool:
     first = deref(args[0])
     predicate.stored_clauses()
     for found in list(predicate.candidates(first)):
-        trail: list[Var] = []
-        if not found.erased and unify(head, copy_term(found.head), trail):
+        machine.meter.spend(_STEPS_OF_CLAUSE)
+        trail: Trail = [machine.meter]
+        if not found.erased and unify(head, copy_term(found.head, meter=machine.meter), trail):
             predicate.erase(found)
-        undo(trail, 0)
+        undo(trail, 1)
     return True
 
 
@@ -288,7 +300,7 @@ def _properties(predicate: Predicate) -> list[Term]:
 
 @det("nb_setval", 2)
 def nb_setval(machine: Machine, key: Term, value: Term) -> bool:
-    machine.globals[atom(key).name] = copy_term(value)
+    machine.globals[atom(key).name] = copy_term(value, meter=machine.meter)
     return True
 
 

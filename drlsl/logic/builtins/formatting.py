@@ -6,17 +6,27 @@ import re
 import sys
 from collections.abc import Callable
 
-from drlsl.logic.arithmetic import evaluate
+from drlsl.logic.arithmetic import evaluate, to_float
 from drlsl.logic.builtins.arguments import prefix
 from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.strings import text
-from drlsl.logic.builtins.termio import emit, output_stream, pending_line, sink_maker
-from drlsl.logic.builtins.text import any_text
-from drlsl.logic.errors import PrologError, error_from_term, existence_error, instantiation_error
+from drlsl.logic.builtins.termio import emit, output_stream, pending_column, sink_maker
+from drlsl.logic.builtins.text import any_text, check_size
+from drlsl.logic.digits import decimal_digits
+from drlsl.logic.errors import (
+    PrologError,
+    error_from_term,
+    existence_error,
+    instantiation_error,
+    resource_error,
+)
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
-from drlsl.logic.writer import format_integer, format_term
+from drlsl.logic.writer import format_term
 
 _DIRECTIVE = re.compile(r"~(?:(\*)|`([\s\S])|([0-9]+))?([\s\S]?)")
+_STEPS_OF_DIRECTIVE = 8
+# So many bits are divided by a small number in the time of a step.
+_BITS_OF_STEP = 4096
 _DIGITS = "0123456789abcdefghijklmnopqrstuvwxyz"
 
 
@@ -27,8 +37,8 @@ def format_1(machine: Machine, template: Term) -> bool:
 
 @det("format", 2)
 def format_2(machine: Machine, template: Term, arguments: Term) -> bool:
-    start = pending_line(machine, machine.output)
-    return emit(machine, formatted(machine, template, arguments, len(start)))
+    column = pending_column(machine, machine.output)
+    return emit(machine, formatted(machine, template, arguments, column))
 
 
 @det("format", 3)
@@ -36,16 +46,16 @@ def format_3(machine: Machine, sink: Term, template: Term, arguments: Term) -> b
     target = deref(sink)
     if isinstance(target, Struct):
         make = sink_maker(target)
-        return machine.unify(target.args[0], make(formatted(machine, template, arguments, 0)))
+        return machine.unify(target.args[0], make(machine, formatted(machine, template, arguments, 0)))
     stream = output_stream(machine, target)
-    return emit(machine, formatted(machine, template, arguments, len(pending_line(machine, stream))), stream)
+    return emit(machine, formatted(machine, template, arguments, pending_column(machine, stream)), stream)
 
 
 def formatted(machine: Machine, template: Term, arguments: Term, column: int) -> str:
     """The text of a template with its arguments, for output that begins at a column."""
-    elements, tail = prefix(arguments)
+    elements, tail = prefix(arguments, machine)
     given = elements if tail is NIL else [arguments]
-    return _Format(machine, given, column).run(text(template))
+    return _Format(machine, given, column).run(text(template, machine))
 
 
 def _format_error(message: str) -> PrologError:
@@ -66,7 +76,7 @@ def print_message(machine: Machine, kind: Term, message: Term) -> bool:
     elif isinstance(what, Struct) and what.name == "error" and len(what.args) == 2:
         body = str(error_from_term(what))
     else:
-        body = format_term(what, machine.operators, quoted=True, numbervars=True)
+        body = format_term(what, machine.operators, quoted=True, numbervars=True, meter=machine.meter)
     return emit(machine, prefixes.get(level.name, "") + body + "\n", sys.stderr)
 
 
@@ -86,6 +96,7 @@ class _Format:
     def run(self, template: str) -> str:
         end = 0
         for match in _DIRECTIVE.finditer(template):
+            self.machine.meter.spend(_STEPS_OF_DIRECTIVE)
             self._put(template[end : match.start()])
             end = match.end()
             self._directive(match)
@@ -95,6 +106,7 @@ class _Format:
         return "".join(self.done) + self.segment
 
     def _put(self, piece: str) -> None:
+        check_size(self.machine, self.segment, piece)
         if "\n" in piece:
             before, _, piece = piece.rpartition("\n")
             self.done.append(self.segment + before + "\n")
@@ -115,6 +127,8 @@ class _Format:
             if not isinstance(value, int) or value < 0:
                 raise _format_error("no or negative integer for `*' argument")
             count = value
+        if count is not None and not fill:
+            self.machine.meter.text(4 * count)
         if letter in "|+":
             self._stop(letter, count)
         elif letter == "t":
@@ -171,71 +185,80 @@ def _integer(letter: str, value: Term) -> int:
 
 
 def _write(machine: Machine, value: Term, _count: int | None) -> str:
-    return format_term(value, machine.operators, numbervars=True)
+    return format_term(value, machine.operators, numbervars=True, meter=machine.meter)
 
 
 def _writeq(machine: Machine, value: Term, _count: int | None) -> str:
-    return format_term(value, machine.operators, quoted=True, numbervars=True)
+    return format_term(value, machine.operators, quoted=True, numbervars=True, meter=machine.meter)
 
 
-def _atom(_machine: Machine, value: Term, _count: int | None) -> str:
+def _atom(machine: Machine, value: Term, _count: int | None) -> str:
     if isinstance(value, (Struct, Var)):
         raise _argument_error("a", value)
-    return "[]" if value is NIL else any_text(value) or ""
+    return "[]" if value is NIL else any_text(value, machine) or ""
 
 
-def _string(_machine: Machine, value: Term, _count: int | None) -> str:
-    return text(value)
+def _string(machine: Machine, value: Term, _count: int | None) -> str:
+    return text(value, machine)
 
 
 def _codes(_machine: Machine, value: Term, count: int | None) -> str:
     return chr(_integer("c", value)) * (1 if count is None else count)
 
 
-def _decimal(value: int, places: int | None, group: str) -> str:
-    digits = format_integer(abs(value))
+def _decimal(machine: Machine, value: int, places: int | None, group: str) -> str:
+    digits = decimal_digits(abs(value), machine.meter)
     fraction = ""
     if places:
         digits = digits.zfill(places + 1)
         digits, fraction = digits[:-places], "." + digits[-places:]
     if group:
-        digits = f"{int(digits):,}"
+        first = len(digits) % 3
+        threes = [digits[place : place + 3] for place in range(first, len(digits), 3)]
+        digits = group.join([digits[:first], *threes] if first else threes)
     return ("-" if value < 0 else "") + digits + fraction
 
 
-def _integer_digits(_machine: Machine, value: Term, count: int | None) -> str:
-    return _decimal(_integer("d", value), count, "")
+def _integer_digits(machine: Machine, value: Term, count: int | None) -> str:
+    return _decimal(machine, _integer("d", value), count, "")
 
 
-def _grouped_digits(_machine: Machine, value: Term, count: int | None) -> str:
-    return _decimal(_integer("D", value), count, ",")
+def _grouped_digits(machine: Machine, value: Term, count: int | None) -> str:
+    return _decimal(machine, _integer("D", value), count, ",")
 
 
 def _float(letter: str) -> Callable[[Machine, Term, int | None], str]:
-    def convert(machine: Machine, value: Term, count: int | None) -> str:
-        number = evaluate(value, machine)
+    def convert(machine: Machine, term: Term, count: int | None) -> str:
+        number = evaluate(term, machine)
         places = 6 if count is None else count
+        if places > _MOST_PLACES:
+            raise resource_error("memory")
         if isinstance(number, int) and letter == "f":
-            return _exact(number, places)
-        return f"{number:.{places}{letter}}" if letter != "g" else f"{number:g}"
+            return decimal_digits(number, machine.meter) + ("." + "0" * places if places else "")
+        value = to_float(number)
+        return f"{value:.{places}{letter}}" if letter != "g" else f"{value:g}"
 
     return convert
 
 
-def _exact(number: int, places: int) -> str:
-    return format_integer(number) + ("." + "0" * places if places else "")
+# Python's own bound is INT_MAX; this is more than anybody reads.
+_MOST_PLACES = 1_000_000
 
 
 def _radix(upper: bool) -> Callable[[Machine, Term, int | None], str]:
-    def convert(_machine: Machine, value: Term, count: int | None) -> str:
+    def convert(machine: Machine, value: Term, count: int | None) -> str:
         number = _integer("r", value)
         if count is None or not 2 <= count <= 36:
             raise _format_error("~r needs a radix from 2 to 36")
-        digits, rest = "", abs(number)
+        digits: list[str] = []
+        rest = abs(number)
+        steps = rest.bit_length() // _BITS_OF_STEP
         while rest or not digits:
+            machine.meter.spend(1 + steps)
             rest, digit = divmod(rest, count)
-            digits = _DIGITS[digit] + digits
-        return ("-" if number < 0 else "") + (digits.upper() if upper else digits)
+            digits.append(_DIGITS[digit])
+        shown = "".join(reversed(digits))
+        return ("-" if number < 0 else "") + (shown.upper() if upper else shown)
 
     return convert
 

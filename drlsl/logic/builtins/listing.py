@@ -8,9 +8,9 @@ from drlsl.logic.builtins.arguments import prefix
 from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.termio import emit, output_stream
 from drlsl.logic.errors import instantiation_error, type_error
-from drlsl.logic.operators import Operators
+from drlsl.logic.limits import Meter
 from drlsl.logic.program import Predicate
-from drlsl.logic.terms import NIL, TRUE, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, TRUE, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
 from drlsl.logic.unify import copy_term, term_variables
 from drlsl.logic.writer import format_atom, format_term
 
@@ -18,16 +18,18 @@ _INDENT = "    "
 _BRANCHES = {";": ";   ", "->": "->  ", "*->": "*-> ", "|": "|   "}
 
 
-def portrayed(term: Term, operators: Operators) -> str:
+def portrayed(term: Term, machine: Machine) -> str:
     """The text of a clause, with variables named ``A``, ``B`` ... and ``_`` where they appear once."""
-    term = copy_term(term)
-    return _Layout(term, operators).clause(term)
+    term = copy_term(term, meter=machine.meter)
+    if not is_acyclic(term):
+        raise CyclicTerm("the clause contains itself")
+    return _Layout(term, machine).clause(term)
 
 
 class _Layout:
-    def __init__(self, term: Term, operators: Operators) -> None:
-        self.operators = operators
-        self.names = _variable_names(term)
+    def __init__(self, term: Term, machine: Machine) -> None:
+        self.machine = machine
+        self.names = _variable_names(term, machine.meter)
 
     def clause(self, term: Term) -> str:
         term = deref(term)
@@ -47,12 +49,13 @@ class _Layout:
     def _goal(self, goal: Term, priority: int) -> str:
         return format_term(
             goal,
-            self.operators,
+            self.machine.operators,
             quoted=True,
             numbervars=True,
             spacing=True,
             variable_names=self.names,
             priority=priority,
+            meter=self.machine.meter,
         )
 
     def _body(self, body: Term, depth: int) -> str:
@@ -107,10 +110,11 @@ def _conjuncts(goal: Term) -> Iterator[Term]:
     yield goal
 
 
-def _variable_names(term: Term) -> dict[int, str]:
+def _variable_names(term: Term, meter: Meter) -> dict[int, str]:
     counts: dict[int, int] = {}
     todo = [term]
     while todo:
+        meter.spend(1)
         part = deref(todo.pop())
         if isinstance(part, Var):
             counts[id(part)] = counts.get(id(part), 0) + 1
@@ -118,7 +122,7 @@ def _variable_names(term: Term) -> dict[int, str]:
             todo.extend(part.args)
     names: dict[int, str] = {}
     number = 0
-    for variable in term_variables(term):
+    for variable in term_variables(term, meter):
         if counts[id(variable)] == 1:
             names[id(variable)] = "_"
             continue
@@ -129,12 +133,12 @@ def _variable_names(term: Term) -> dict[int, str]:
 
 @det("portray_clause", 1)
 def portray_clause(machine: Machine, term: Term) -> bool:
-    return emit(machine, portrayed(term, machine.operators))
+    return emit(machine, portrayed(term, machine))
 
 
 @det("portray_clause", 2)
 def portray_clause_to(machine: Machine, stream: Term, term: Term) -> bool:
-    return emit(machine, portrayed(term, machine.operators), output_stream(machine, stream))
+    return emit(machine, portrayed(term, machine), output_stream(machine, stream))
 
 
 @det("listing", 0)
@@ -150,7 +154,7 @@ def listing_all(machine: Machine) -> bool:
 def listing(machine: Machine, what: Term) -> bool:
     """The clauses of a name, of ``Name/Arity``, or of each of a list of them."""
     what = deref(what)
-    elements, tail = prefix(what)
+    elements, tail = prefix(what, machine)
     if elements and tail is NIL:
         return all(listing(machine, element) for element in elements)
     name, arity = _wanted(what)
@@ -180,7 +184,7 @@ def _listed(machine: Machine, predicate: Predicate) -> str:
         text = f":- dynamic {format_atom(predicate.name)}/{predicate.arity}.\n\n"
     if predicate.rows is not None:
         facts = [Struct(predicate.name, row) if row else Atom(predicate.name) for row in predicate.rows]
-        return text + "".join(portrayed(fact, machine.operators) for fact in facts) + "\n"
+        return text + "".join(portrayed(fact, machine) for fact in facts) + "\n"
     for clause in predicate.clauses:
-        text += portrayed(Struct(":-", (clause.head, clause.body)), machine.operators)
+        text += portrayed(Struct(":-", (clause.head, clause.body)), machine)
     return text + "\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import groupby
+from itertools import groupby, pairwise
 from operator import itemgetter
 
 from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, prefix
@@ -17,7 +17,7 @@ from drlsl.logic.unify import compare, copy_term, sort_key, term_variables
 @nondet("length", 2)
 def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
     """The length of a list; enumerates lists where both are unknown."""
-    found, tail = prefix(term)
+    found, tail = prefix(term, machine)
     size = deref(size)
     if type(size) is not int and type(size) is not Var:
         raise type_error("integer", size)
@@ -31,6 +31,7 @@ def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
         if size < 0:
             raise domain_error("not_less_than_zero", size)
         if size >= len(found):
+            machine.meter.make(size - len(found))
             machine.unify(tail, make_list([Var() for _ in range(size - len(found))]))
             yield True
         return
@@ -38,6 +39,7 @@ def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
         return  # no list is its own length
     total = len(found)
     while True:
+        machine.meter.make(total - len(found))
         machine.unify(tail, make_list([Var() for _ in range(total - len(found))]))
         machine.unify(size, total)
         yield None
@@ -47,20 +49,24 @@ def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
 @det("numlist", 3)
 def numlist(machine: Machine, low: Term, high: Term, result: Term) -> bool:
     first, last = integer(low), integer(high)
-    return first <= last and machine.unify(result, make_list(range(first, last + 1)))
+    if first > last:
+        return False
+    machine.meter.make(last - first + 1)
+    return machine.unify(result, make_list(range(first, last + 1)))
 
 
 @det("list_to_set", 2)
 def list_to_set(machine: Machine, terms: Term, result: Term) -> bool:
     """The elements without later ones that are identical to an earlier one."""
-    kept: list[Term] = []
-    seen: dict[object, list[Term]] = {}
-    for term in map(deref, items(terms)):
-        key: object = (term.name, len(term.args)) if type(term) is Struct else term
-        alike = seen.setdefault((type(term), key), [])
-        if all(compare(term, other) != 0 for other in alike):
-            alike.append(term)
-            kept.append(term)
+    elements = [deref(term) for term in items(terms, machine)]
+    key = sort_key(meter=machine.meter)
+    order = sorted(range(len(elements)), key=lambda place: key(elements[place]))
+    repeated = {
+        later
+        for earlier, later in pairwise(order)
+        if compare(elements[earlier], elements[later], meter=machine.meter) == 0
+    }
+    kept = [term for place, term in enumerate(elements) if place not in repeated]
     return machine.unify(result, make_list(kept))
 
 
@@ -77,8 +83,9 @@ def free_variables(machine: Machine, scoped: Term, witness: Term, goal: Term) ->
         scope = deref(scope.args[1])
     if type(scope) is Var:
         raise instantiation_error()
-    hidden = set(term_variables(make_list(bound)))
-    free: list[Term] = [variable for variable in term_variables(scope) if variable not in hidden]
+    meter = machine.meter
+    hidden = set(term_variables(make_list(bound), meter))
+    free: list[Term] = [variable for variable in term_variables(scope, meter) if variable not in hidden]
     return machine.unify(witness, Struct("v", tuple(free)) if free else NIL) and machine.unify(goal, scope)
 
 
@@ -89,11 +96,11 @@ def _in_order(count: int) -> list[Var]:
 
 def _groups_by_witness(machine: Machine, pairs: list[Struct]) -> list[list[Struct]]:
     """Pairs whose witnesses are variants of each other, the groups in the order of the witnesses."""
-    variables = [term_variables(pair.args[0]) for pair in pairs]
+    variables = [term_variables(pair.args[0], machine.meter) for pair in pairs]
     stand_ins = _in_order(max(map(len, variables), default=0))
-    key_of = sort_key(iso=machine.flags.iso)
+    key_of = sort_key(iso=machine.flags.iso, meter=machine.meter)
     keyed = [
-        (key_of(copy_term(pair.args[0], dict(zip(own, stand_ins, strict=False)))), pair)
+        (key_of(copy_term(pair.args[0], dict(zip(own, stand_ins, strict=False)), machine.meter)), pair)
         for pair, own in zip(pairs, variables, strict=True)
     ]
     keyed.sort(key=itemgetter(0))
@@ -108,19 +115,23 @@ def solution_groups(
 
     Source: ISO 13211-1, 8.10.2 and 8.10.3.
     """
-    pairs = [pair for pair in map(deref, items(answers)) if type(pair) is Struct]
+    pairs = [pair for pair in map(deref, items(answers, machine)) if type(pair) is Struct]
     groups = _groups_by_witness(machine, pairs)
     for number, group in enumerate(groups, 1):
         # Members of a group share their witness, so that its variables are the same in each template.
         own = term_variables(group[0].args[0])
         variables = _in_order(len(own))
-        shared = copy_term(group[0].args[0], dict(zip(own, variables, strict=True)))
+        shared = copy_term(group[0].args[0], dict(zip(own, variables, strict=True)), machine.meter)
         templates = [
-            copy_term(pair.args[1], dict(zip(term_variables(pair.args[0]), variables, strict=True)))
+            copy_term(
+                pair.args[1],
+                dict(zip(term_variables(pair.args[0]), variables, strict=True)),
+                machine.meter,
+            )
             for pair in group
         ]
         if deref(as_set) is TRUE:
-            templates = without_repeats(sorted_terms(machine, templates))
+            templates = without_repeats(machine, sorted_terms(machine, templates))
         if attempt(machine, Struct("-", (witness, found)), Struct("-", (shared, make_list(templates)))):
             yield number == len(groups)
 

@@ -12,7 +12,7 @@ from drlsl.logic.terms import Struct, Term
 
 def _load(machine: Machine, files: Term, continuation: Task, *, again: bool) -> Task:
     try:
-        machine.engine.load_files(files, again=again)
+        machine.engine.load_files(files, again=again, meter=machine.meter)
     except FileNotFoundError:
         raise existence_error("source_sink", files) from None
     except OSError:

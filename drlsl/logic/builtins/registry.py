@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias, TypeVar
 
 if TYPE_CHECKING:
     from drlsl.logic.flags import Flags
+    from drlsl.logic.limits import Meter
     from drlsl.logic.operators import Operators
     from drlsl.logic.program import Program
     from drlsl.logic.terms import Term
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 
 class Machine(Protocol):
     """What a builtin may ask of the solver that runs it."""
+
+    @property
+    def meter(self) -> Meter:
+        """What a builtin that does much in one call reports to."""
 
     @property
     def flags(self) -> Flags: ...

@@ -5,25 +5,26 @@ A text argument is an atom, a string, a number or a list of characters or codes.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Final
 
 from drlsl.logic.builtins.arguments import attempt, items, prefix
 from drlsl.logic.builtins.registry import Machine, det, nondet
-from drlsl.logic.builtins.text import any_text, is_code, number_text, sub_text
+from drlsl.logic.builtins.text import TRY, any_text, check_size, is_code, number_text, sub_text
 from drlsl.logic.errors import PrologSyntaxError, domain_error, instantiation_error, type_error
-from drlsl.logic.reader import parse_number, read_term
+from drlsl.logic.reader import ReadTerm, parse_number, read_term
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 from drlsl.logic.writer import format_term
 
 
-def text(term: Term) -> str:
+def text(term: Term, machine: Machine | None = None) -> str:
     """The text of an argument.
 
     Raises:
         InstantiationError, PrologTypeError: a variable; a term that is no text.
     """
-    found = any_text(term)
+    found = any_text(term, machine)
     if found is not None:
         return found
     term = deref(term)
@@ -32,13 +33,13 @@ def text(term: Term) -> str:
     raise type_error("text", term)
 
 
-def _atomic_text(term: Term) -> str:
+def _atomic_text(term: Term, machine: Machine | None = None) -> str:
     term = deref(term)
     if isinstance(term, Var):
         raise instantiation_error()
     if isinstance(term, Struct):
         raise type_error("atomic", term)
-    return "[]" if term is NIL else text(term)
+    return "[]" if term is NIL else text(term, machine)
 
 
 def _is_free(term: Term) -> bool:
@@ -49,23 +50,23 @@ def _is_free(term: Term) -> bool:
 def atom_number(machine: Machine, atom: Term, number: Term) -> bool:
     """Fails where the atom is not the text of a number."""
     if not _is_free(atom):
-        return _unify_number(machine, _atomic_text(atom), number)
-    return machine.unify(atom, Atom(number_text(_number(number))))
+        return _unify_number(machine, _atomic_text(atom, machine), number)
+    return machine.unify(atom, Atom(number_text(_number(number), machine)))
 
 
 @det("number_string", 2)
 def number_string(machine: Machine, number: Term, string: Term) -> bool:
     """Fails where the string is not the text of a number."""
     if not _is_free(string):
-        return _unify_number(machine, text(string), number)
-    return machine.unify(string, number_text(_number(number)))
+        return _unify_number(machine, text(string, machine), number)
+    return machine.unify(string, number_text(_number(number), machine))
 
 
 def _unify_number(machine: Machine, characters: str, number: Term) -> bool:
     if not characters[:1].isprintable() or characters[:1] == " " or characters[:2] in ("- ", "+-"):
         return False
     try:
-        value = parse_number(characters.removeprefix("+"), machine.flags)
+        value = parse_number(characters.removeprefix("+"), machine.flags, machine.meter)
     except PrologSyntaxError:
         return False
     return machine.unify(number, value)
@@ -83,9 +84,10 @@ def _declare_conversion(name: str, first: Callable[[str], Term], second: Callabl
 
     @det(name, 2)
     def conversion(machine: Machine, left: Term, right: Term) -> bool:
-        if not _is_free(left):
-            return machine.unify(right, second(text(left)))
-        return machine.unify(left, first(text(right)))
+        given, make = (right, first) if _is_free(left) else (left, second)
+        characters = text(given, machine)
+        machine.meter.make(len(characters)) if make in (_codes, _chars) else check_size(machine, characters)
+        return machine.unify(left if _is_free(left) else right, make(characters))
 
 
 def _codes(characters: str) -> Term:
@@ -110,7 +112,9 @@ _declare_conversion("text_to_string", _string, _string)
 def _declare_change(name: str, change: Callable[[str], Term]) -> None:
     @det(name, 2)
     def changed(machine: Machine, given: Term, result: Term) -> bool:
-        return machine.unify(result, change(text(given)))
+        characters = text(given, machine)
+        check_size(machine, characters)
+        return machine.unify(result, change(characters))
 
 
 _declare_change("string_length", len)
@@ -124,7 +128,7 @@ _declare_change("downcase_atom", lambda given: Atom(given.lower()))
 def string_code(machine: Machine, index: Term, string: Term, code: Term) -> bool:
     """The code of the character at a place that counts from 1; fails outside the string."""
     place = _number(index)
-    characters = text(string)
+    characters = text(string, machine)
     if not isinstance(place, int):
         raise type_error("integer", place)
     if place < 0:
@@ -136,11 +140,14 @@ def _concat(
     machine: Machine, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
 ) -> Iterator[bool]:
     if not _is_free(first) and not _is_free(second):
-        if machine.unify(whole, make(_atomic_text(first) + _atomic_text(second))):
+        left, right = _atomic_text(first, machine), _atomic_text(second, machine)
+        check_size(machine, left, right)
+        if machine.unify(whole, make(left + right)):
             yield True
         return
-    characters = _atomic_text(whole)
+    characters = _atomic_text(whole, machine)
     for cut in range(len(characters) + 1):
+        machine.meter.text(TRY + 3 * len(characters))
         left, right = characters[:cut], characters[cut:]
         if not _is_free(first) and _atomic_text(first) != left:
             continue
@@ -167,8 +174,8 @@ def text_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Ite
 def sub_string(
     machine: Machine, string: Term, before: Term, length: Term, after: Term, sub: Term
 ) -> Iterator[bool]:
-    known: Term = sub if _is_free(sub) else text(sub)
-    return sub_text(machine, text(string), before, length, after, known, _string)
+    known: Term = sub if _is_free(sub) else text(sub, machine)
+    return sub_text(machine, text(string, machine), before, length, after, known, _string)
 
 
 @det("split_string", 4)
@@ -177,43 +184,60 @@ def split_string(machine: Machine, string: Term, separators: Term, pad: Term, pa
 
     A run of separators that are padding too counts as one.
     """
-    given, split_at, strip = text(string), text(separators), text(pad)
+    given, split_at, strip = text(string, machine), text(separators, machine), text(pad, machine)
     rest = given.strip(strip) if strip else given
     pieces: list[Term] = []
-    while split_at:
-        end = next((place for place, char in enumerate(rest) if char in split_at), -1)
-        if end < 0:
-            break
-        pieces.append(rest[:end].rstrip(strip) if strip else rest[:end])
-        rest = rest[end + 1 :]
-        if strip:
-            rest = rest.lstrip(strip)
-    pieces.append(rest)
+    begin = 0
+    if split_at:
+        skipped = f"[{re.escape(strip)}]*" if strip else ""
+        for match in re.finditer(f"[{re.escape(split_at)}]{skipped}", rest):
+            machine.meter.spend(2)
+            piece = rest[begin : match.start()]
+            pieces.append(piece.rstrip(strip) if strip else piece)
+            begin = match.end()
+    pieces.append(rest[begin:])
+    machine.meter.make(len(pieces))
     return machine.unify(parts, make_list(pieces))
 
 
 @det("atomic_list_concat", 2)
 def atomic_list_concat(machine: Machine, parts: Term, whole: Term) -> bool:
-    return machine.unify(whole, Atom("".join(_atomic_text(part) for part in items(parts))))
+    return machine.unify(whole, Atom(_joined(machine, "", items(parts, machine))))
+
+
+def _joined(machine: Machine, between: str, parts: list[Term]) -> str:
+    """The texts of atomic terms with a text between them."""
+    texts: list[str] = []
+    for part in parts:
+        texts.append(_atomic_text(part, machine))
+        check_size(machine, texts[-1], between)
+    return between.join(texts)
 
 
 @det("atomic_list_concat", 3)
 def atomic_list_concat_separated(machine: Machine, parts: Term, separator: Term, whole: Term) -> bool:
     """Join atomic terms with a separator, or split an atom at a separator that is not empty."""
-    between = _atomic_text(separator)
-    elements, tail = prefix(parts)
+    between = _atomic_text(separator, machine)
+    elements, tail = prefix(parts, machine)
     if tail is NIL and not any(_is_free(element) for element in elements):
-        return machine.unify(whole, Atom(between.join(_atomic_text(element) for element in elements)))
+        return machine.unify(whole, Atom(_joined(machine, between, elements)))
     if _is_free(whole):
         raise instantiation_error()
     if not between:
         raise domain_error("non_empty_atom", deref(separator))
-    return machine.unify(parts, make_list([Atom(part) for part in _atomic_text(whole).split(between)]))
+    pieces = _atomic_text(whole, machine).split(between)
+    machine.meter.make(len(pieces))
+    return machine.unify(parts, make_list(map(Atom, pieces)))
+
+
+def _read(machine: Machine, characters: Term) -> ReadTerm:
+    """The term that a text denotes."""
+    return read_term(text(characters, machine), machine.operators, machine.flags, "user", machine.meter)
 
 
 def written(machine: Machine, term: Term) -> str:
     """A term as writeq/1 writes it."""
-    return format_term(term, machine.operators, quoted=True, numbervars=True)
+    return format_term(term, machine.operators, quoted=True, numbervars=True, meter=machine.meter)
 
 
 def _declare_term_text(name: str, make: Callable[[str], Term]) -> None:
@@ -221,7 +245,7 @@ def _declare_term_text(name: str, make: Callable[[str], Term]) -> None:
     def term_text(machine: Machine, term: Term, characters: Term) -> bool:
         if _is_free(characters):
             return machine.unify(characters, make(written(machine, term)))
-        return machine.unify(term, read_term(text(characters), machine.operators, machine.flags).term)
+        return machine.unify(term, _read(machine, characters).term)
 
 
 _declare_term_text("term_to_atom", Atom)
@@ -230,13 +254,13 @@ _declare_term_text("term_string", _string)
 
 @det("read_term_from_atom", 3)
 def read_term_from_atom(machine: Machine, atom: Term, term: Term, _options: Term) -> bool:
-    return machine.unify(term, read_term(text(atom), machine.operators, machine.flags).term)
+    return machine.unify(term, _read(machine, atom).term)
 
 
 @det("atom_to_term", 3)
 def atom_to_term(machine: Machine, atom: Term, term: Term, bindings: Term) -> bool:
     """The term that a text denotes, with its variables as ``Name = Variable``."""
-    read = read_term(text(atom), machine.operators, machine.flags)
+    read = _read(machine, atom)
     named = [Struct("=", (Atom(name), variable)) for name, variable in read.variables.items()]
     return machine.unify(term, read.term) and machine.unify(bindings, make_list(named))
 

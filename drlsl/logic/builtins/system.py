@@ -80,7 +80,7 @@ def must_be(machine: Machine, kind: Term, term: Term) -> bool:
 def _must_fit(machine: Machine, kind: Struct, term: Term) -> bool:
     """oneof(List), between(Low, High), list(Type), list_of(Type)"""
     if kind.name in ("list", "list_of") and len(kind.args) == 1:
-        return all(must_be(machine, kind.args[0], element) for element in items(term))
+        return all(must_be(machine, kind.args[0], element) for element in items(term, machine))
     if isinstance(term, Var):
         raise instantiation_error()
     if kind.name == "oneof" and len(kind.args) == 1:
@@ -183,7 +183,7 @@ def style_check(_machine: Machine, _style: Term) -> bool:
 def numbervars(machine: Machine, term: Term, start: Term, end: Term) -> bool:
     """Bind the variables of a term to ``'$VAR'(N)``."""
     number = integer(start)
-    for variable in term_variables(term):
+    for variable in term_variables(term, machine.meter):
         machine.unify(variable, Struct("$VAR", (number,)))
         number += 1
     return machine.unify(end, number)

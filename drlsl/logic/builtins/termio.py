@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TextIO
 
 from drlsl.logic.arithmetic import evaluate
@@ -23,6 +23,7 @@ from drlsl.logic.errors import (
     type_error,
 )
 from drlsl.logic.flags import Flags
+from drlsl.logic.limits import Meter
 from drlsl.logic.operators import Operators
 from drlsl.logic.reader import Reader, ReadTerm, is_complete
 from drlsl.logic.solver import FAIL, Task, cut
@@ -59,20 +60,21 @@ def _alias(stream: Term) -> str:
 
 
 def emit(machine: Machine, text: str, stream: TextIO | None = None) -> bool:
-    """Write text and remember its last line, which column stops of format/2 count from."""
+    """Write text and remember the column where it ends, which column stops of format/2 count from."""
     target = machine.output if stream is None else stream
+    machine.meter.text(len(text))
     target.write(text)
-    line = text.rpartition("\n")[2]
-    if "\n" not in text:
-        line = pending_line(machine, target) + line
-    machine.state["line"] = target, line
+    column = len(text) - text.rfind("\n") - 1
+    if column == len(text):
+        column += pending_column(machine, target)
+    machine.state["line"] = target, column
     return True
 
 
-def pending_line(machine: Machine, stream: TextIO) -> str:
-    """What has been written to a stream since its last newline, where that is known."""
-    known: tuple[TextIO, str] | None = machine.state.get("line")
-    return known[1] if known is not None and known[0] is stream else ""
+def pending_column(machine: Machine, stream: TextIO) -> int:
+    """How many characters were written to a stream since its last newline, where that is known."""
+    known: tuple[TextIO, int] | None = machine.state.get("line")
+    return known[1] if known is not None and known[0] is stream else 0
 
 
 @det("current_output", 1)
@@ -135,12 +137,18 @@ def _character(char: Term) -> str:
 
 @det("tab", 1)
 def tab(machine: Machine, count: Term) -> bool:
-    return emit(machine, " " * not_negative(evaluate(count, machine)))
+    return emit(machine, _spaces(machine, count))
 
 
 @det("tab", 2)
 def tab_to(machine: Machine, stream: Term, count: Term) -> bool:
-    return emit(machine, " " * not_negative(evaluate(count, machine)), output_stream(machine, stream))
+    return emit(machine, _spaces(machine, count), output_stream(machine, stream))
+
+
+def _spaces(machine: Machine, count: Term) -> str:
+    number = not_negative(evaluate(count, machine))
+    machine.meter.text(number)
+    return " " * number
 
 
 # Terms out.
@@ -151,12 +159,12 @@ def _declare_write(name: str, newline: bool = False, **style: Any) -> None:
 
     @det(name, 1)
     def write(machine: Machine, term: Term) -> bool:
-        return emit(machine, format_term(term, machine.operators, **style) + end)
+        return emit(machine, format_term(term, machine.operators, meter=machine.meter, **style) + end)
 
     @det(name, 2)
     def write_to(machine: Machine, stream: Term, term: Term) -> bool:
         target = output_stream(machine, stream)
-        return emit(machine, format_term(term, machine.operators, **style) + end, target)
+        return emit(machine, format_term(term, machine.operators, meter=machine.meter, **style) + end, target)
 
 
 _declare_write("write", numbervars=True)
@@ -165,20 +173,20 @@ _declare_write("writeln", newline=True, numbervars=True)
 _declare_write("writeq", quoted=True, numbervars=True)
 
 
-def canonical(term: Term, operators: Operators) -> str:
+def canonical(term: Term, operators: Operators, meter: Meter | None = None) -> str:
     """A term as write_canonical/1 writes it: no operators, and variables named ``_1``, ``_2`` in order."""
-    names = {id(variable): f"_{number}" for number, variable in enumerate(term_variables(term), 1)}
-    return format_term(term, operators, quoted=True, ignore_ops=True, variable_names=names)
+    names = {id(variable): f"_{number}" for number, variable in enumerate(term_variables(term, meter), 1)}
+    return format_term(term, operators, quoted=True, ignore_ops=True, variable_names=names, meter=meter)
 
 
 @det("write_canonical", 1)
 def write_canonical(machine: Machine, term: Term) -> bool:
-    return emit(machine, canonical(term, machine.operators))
+    return emit(machine, canonical(term, machine.operators, machine.meter))
 
 
 @det("write_canonical", 2)
 def write_canonical_to(machine: Machine, stream: Term, term: Term) -> bool:
-    return emit(machine, canonical(term, machine.operators), output_stream(machine, stream))
+    return emit(machine, canonical(term, machine.operators, machine.meter), output_stream(machine, stream))
 
 
 @det("write_term", 2)
@@ -205,7 +213,7 @@ def _with_options(machine: Machine, term: Term, options: Term) -> str:
     ends: dict[str, str] = {}
     for option in option_list(options):
         _read_write_option(option, style, ends)
-    text = format_term(term, machine.operators, **style)
+    text = format_term(term, machine.operators, meter=machine.meter, **style)
     if "fullstop" in ends:
         text += " ." if text[-1:] in "#$&*+-./:<=>?@^~\\" else "."
     return text + ends.get("nl", "")
@@ -286,7 +294,7 @@ def _end_output(machine: Solver, task: Task) -> Task:
     _, sink, make, buffer, before, height, continuation = task
     cut(machine, height)
     machine.output = before
-    if not machine.unify(sink.args[0], make(buffer.getvalue())):
+    if not machine.unify(sink.args[0], make(machine, buffer.getvalue())):
         return FAIL
     next_task: Task = continuation
     return next_task
@@ -301,11 +309,16 @@ def sink_maker(sink: Term) -> Any:
     return _SINKS[sink.name]
 
 
+def _listed(machine: Machine, elements: Iterable[Term], count: int) -> Term:
+    machine.meter.make(count)
+    return make_list(elements)
+
+
 _SINKS: dict[str, Any] = {
-    "atom": Atom,
-    "string": str,
-    "codes": lambda text: make_list([ord(char) for char in text]),
-    "chars": lambda text: make_list([Atom(char) for char in text]),
+    "atom": lambda machine, text: Atom(text),
+    "string": lambda machine, text: text,
+    "codes": lambda machine, text: _listed(machine, map(ord, text), len(text)),
+    "chars": lambda machine, text: _listed(machine, map(Atom, text), len(text)),
 }
 
 
@@ -331,14 +344,14 @@ class Input:
         self.rest = self.rest[1:]
         return char
 
-    def read(self, operators: Operators, flags: Flags) -> ReadTerm | None:
+    def read(self, operators: Operators, flags: Flags, meter: Meter) -> ReadTerm | None:
         """The next term, or None at the end of the stream."""
         while not is_complete(self.rest, flags):
             line = self.stream.readline()
             if not line:
                 break
             self.rest += line
-        reader = Reader(self.rest, operators, flags, "user_input")
+        reader = Reader(self.rest, operators, flags, "user_input", meter)
         try:
             return next(reader, None)
         finally:
@@ -370,7 +383,7 @@ def _read(machine: Machine, source: Input, term: Term, options: Term) -> bool:
     for option in wanted:
         if not isinstance(option, Struct) or len(option.args) != 1 or option.name not in _READ_OPTIONS:
             raise domain_error("read_option", option)
-    found = source.read(machine.operators, machine.flags)
+    found = source.read(machine.operators, machine.flags, machine.meter)
     if found is None:
         return machine.unify(term, END_OF_FILE)
     return machine.unify(term, found.term) and all(

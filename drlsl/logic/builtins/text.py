@@ -6,20 +6,25 @@ Where the flag ``iso`` is false, a number stands for its text wherever an atom i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from sys import getsizeof
 
 from drlsl.logic.builtins.arguments import attempt, prefix
 from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.digits import decimal_digits
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
 from drlsl.logic.reader import parse_number
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.writer import format_float, format_integer
+from drlsl.logic.writer import format_float
 
 MAX_CODE = 0x10FFFF
+# Trying one more way to split a text takes as long as so many of its characters.
+TRY = 512
 
 
-def number_text(number: int | float) -> str:
+def number_text(number: int | float, machine: Machine | None = None) -> str:
     """A number as it is written."""
-    return format_integer(number) if isinstance(number, int) else format_float(number)
+    meter = None if machine is None else machine.meter
+    return decimal_digits(number, meter) if isinstance(number, int) else format_float(number)
 
 
 def text_of(machine: Machine, term: Term) -> str:
@@ -32,7 +37,7 @@ def text_of(machine: Machine, term: Term) -> str:
     if isinstance(term, Var):
         raise instantiation_error()
     if isinstance(term, (int, float)) and not machine.flags.iso:
-        return number_text(term)
+        return number_text(term, machine)
     raise type_error("atom", term)
 
 
@@ -65,6 +70,15 @@ def atom_length(machine: Machine, atom: Term, length: Term) -> bool:
     return machine.unify(length, len(text))
 
 
+def check_size(machine: Machine, *parts: str) -> None:
+    """Make sure that there is room for a text of these parts.
+
+    Raises:
+        LimitExceeded: There is not.
+    """
+    machine.meter.text(sum(map(getsizeof, parts)))
+
+
 def concat(
     machine: Machine, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
 ) -> Iterator[bool]:
@@ -74,6 +88,7 @@ def concat(
         raise instantiation_error()
     left, right, text = (optional_text(machine, part) for part in (first, second, whole))
     if left is not None and right is not None:
+        check_size(machine, left, right)
         if machine.unify(whole, make(left + right)) if text is None else left + right == text:
             yield True
         return
@@ -87,6 +102,7 @@ def concat(
     else:
         both = Struct("-", (first, second))
         for cut in range(len(text) + 1):
+            machine.meter.text(TRY + 2 * len(text))
             if attempt(machine, both, Struct("-", (make(text[:cut]), make(text[cut:])))):
                 yield cut == len(text)
 
@@ -111,18 +127,19 @@ def sub_text(
     sizes = _size(before), _size(length), _size(after)
     _not_negative(*sizes)
     pattern = Struct("sub", (before, length, after, sub))
-    places = _places(text, known, *sizes)
+    places = _places(machine, text, known, *sizes)
     place = next(places, None)
     while place is not None:
         start, end = place
         place = next(places, None)
+        machine.meter.text(TRY + end - start)
         part = sub if known is not None else make(text[start:end])
         if attempt(machine, pattern, Struct("sub", (start, end - start, len(text) - end, part))):
             yield place is None
 
 
 def _places(
-    text: str, known: str | None, before: int | None, length: int | None, after: int | None
+    machine: Machine, text: str, known: str | None, before: int | None, length: int | None, after: int | None
 ) -> Iterator[tuple[int, int]]:
     """Start and end of each part that fits what is known, in order."""
     total = len(text)
@@ -145,6 +162,7 @@ def _places(
             ends = (total - after,)
         else:
             ends = iter(range(start, total + 1))
+        machine.meter.spend(1)
         for end in ends:
             if start <= end <= total:
                 yield start, end
@@ -180,13 +198,13 @@ def _check_code(term: Term) -> str:
     raise representation_error("character_code")
 
 
-def listed_text(term: Term, check: Callable[[Term], str]) -> str | None:
+def listed_text(machine: Machine, term: Term, check: Callable[[Term], str]) -> str | None:
     """The text of a list of characters or codes; None where the list or an element is not bound yet.
 
     Raises:
         PrologTypeError: an element of the wrong kind, then a term that is no list.
     """
-    elements, tail = prefix(term)
+    elements, tail = prefix(term, machine)
     partial = False
     chars: list[str] = []
     for element in elements:
@@ -207,9 +225,10 @@ def _declare_atom_list(name: str, check: Callable[[Term], str], item: Callable[[
     def atom_list(machine: Machine, atom: Term, elements: Term) -> bool:
         if not isinstance(deref(atom), Var):
             text = text_of(machine, atom)
-            listed_text(elements, check)
+            listed_text(machine, elements, check)
+            machine.meter.make(len(text))
             return machine.unify(elements, make_list([item(char) for char in text]))
-        listed = listed_text(elements, check)
+        listed = listed_text(machine, elements, check)
         if listed is None:
             raise instantiation_error()
         return machine.unify(atom, Atom(listed))
@@ -240,33 +259,35 @@ def char_code(machine: Machine, char: Term, code: Term) -> bool:
 def _declare_number_list(name: str, check: Callable[[Term], str], item: Callable[[str], Term]) -> None:
     @det(name, 2)
     def number_list(machine: Machine, number: Term, elements: Term) -> bool:
-        listed = listed_text(elements, check)
+        listed = listed_text(machine, elements, check)
         number = deref(number)
         if isinstance(number, Var) and listed is None:
             raise instantiation_error()
         if not isinstance(number, (Var, int, float)):
             raise type_error("number", number)
         if listed is not None:
-            return machine.unify(number, parse_number(listed, machine.flags))
+            return machine.unify(number, parse_number(listed, machine.flags, machine.meter))
         assert isinstance(number, (int, float))
-        return machine.unify(elements, make_list([item(char) for char in number_text(number)]))
+        digits = number_text(number, machine)
+        machine.meter.make(len(digits))
+        return machine.unify(elements, make_list([item(char) for char in digits]))
 
 
 _declare_number_list("number_chars", _check_character, Atom)
 _declare_number_list("number_codes", _check_code, ord)
 
 
-def any_text(term: Term) -> str | None:
+def any_text(term: Term, machine: Machine | None = None) -> str | None:
     """The text of an atomic term or of a list of characters or codes; None for any other term."""
     term = deref(term)
     if isinstance(term, str):
         return term
     if isinstance(term, (int, float)):
-        return number_text(term)
+        return number_text(term, machine)
     if isinstance(term, Atom) and term is not NIL:
         return term.name
     if isinstance(term, (Atom, Struct)):
-        elements, tail = prefix(term)
+        elements, tail = prefix(term, machine)
         dereferenced = [deref(element) for element in elements]
         if tail is NIL and all(map(is_code, dereferenced)):
             return "".join(chr(code) for code in dereferenced if isinstance(code, int))

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, not_negative, prefix
 from drlsl.logic.builtins.registry import Machine, det, nondet, quick
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import copy_term, is_acyclic, is_ground, subsumes, term_variables
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, is_acyclic, make_list
+from drlsl.logic.unify import copy_term, is_ground, subsumes, term_variables
 
 # The most arguments that functor/3 gives a term; beyond it there is only memory to lose.
 _MOST_ARGUMENTS = 1 << 24
@@ -36,8 +36,8 @@ _declare_test("string", str)
 
 
 @det("is_list", 1)
-def is_list(_machine: Machine, term: Term) -> bool:
-    return prefix(term)[1] is NIL
+def is_list(machine: Machine, term: Term) -> bool:
+    return prefix(term, machine)[1] is NIL
 
 
 @det("acyclic_term", 1)
@@ -52,8 +52,8 @@ def cyclic_term(_machine: Machine, term: Term) -> bool:
 
 
 @det("ground", 1)
-def ground(_machine: Machine, term: Term) -> bool:
-    return is_ground(term)
+def ground(machine: Machine, term: Term) -> bool:
+    return is_ground(term, machine.meter)
 
 
 @det("functor", 3)
@@ -81,6 +81,7 @@ def functor(machine: Machine, term: Term, name: Term, arity: Term) -> bool:
         raise type_error("atomic", name)
     if type(name) is not Atom:
         raise type_error("atom" if machine.flags.iso else "callable", name)
+    machine.meter.make(arity)
     return machine.unify(term, Struct(name.name, tuple([Var() for _ in range(arity)])))
 
 
@@ -95,6 +96,7 @@ def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[b
     args = term.args
     if type(position) is Var:
         for index, found in enumerate(args, 1):
+            machine.meter.spend(1)
             if attempt(machine, found, value):
                 machine.unify(position, index)
                 yield index == len(args)
@@ -124,11 +126,12 @@ def univ(machine: Machine, term: Term, parts: Term) -> bool:
     """Source: ISO 13211-1, 8.5.3."""
     term = deref(term)
     if type(term) is Struct:
+        machine.meter.make(len(term.args))
         return machine.unify(parts, make_list((Atom(term.name), *term.args)))
     if type(term) is not Var:
         check_partial_list(parts)
         return machine.unify(parts, make_list([term]))
-    elements = items(parts)
+    elements = items(parts, machine)
     if not elements:
         raise domain_error("non_empty_list", NIL)
     name = deref(elements[0])
@@ -146,7 +149,7 @@ def univ(machine: Machine, term: Term, parts: Term) -> bool:
 @det("copy_term", 2)
 def copy(machine: Machine, term: Term, twin: Term) -> bool:
     """Source: ISO 13211-1, 8.5.4."""
-    return machine.unify(twin, copy_term(term))
+    return machine.unify(twin, copy_term(term, meter=machine.meter))
 
 
 @det("term_variables", 2)
@@ -154,15 +157,15 @@ def variables(machine: Machine, term: Term, found: Term) -> bool:
     """Source: ISO 13211-1, 8.5.5."""
     if machine.flags.iso:
         check_partial_list(found)
-    return machine.unify(found, make_list(term_variables(term)))
+    return machine.unify(found, make_list(term_variables(term, machine.meter)))
 
 
 @det("term_variables", 3)
 def variables_with_tail(machine: Machine, term: Term, found: Term, tail: Term) -> bool:
-    return machine.unify(found, make_list(term_variables(term), tail))
+    return machine.unify(found, make_list(term_variables(term, machine.meter), tail))
 
 
 @det("subsumes_term", 2)
-def subsumes_term(_machine: Machine, general: Term, specific: Term) -> bool:
+def subsumes_term(machine: Machine, general: Term, specific: Term) -> bool:
     """Source: ISO 13211-1, 8.2.4."""
-    return subsumes(general, specific)
+    return subsumes(general, specific, machine.meter)

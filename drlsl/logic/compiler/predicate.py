@@ -10,7 +10,7 @@ from drlsl.logic.builtins.control import begin_findall
 from drlsl.logic.compiler.body import BodyEmitter, Place, has_cut
 from drlsl.logic.compiler.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
 from drlsl.logic.compiler.matching import emit_deref, emit_known, emit_match
-from drlsl.logic.compiler.writer import Module, Namespace, Scope
+from drlsl.logic.compiler.writer import Function, Module, Namespace, Scope
 from drlsl.logic.program import Clause, Predicate, index_key
 from drlsl.logic.solver import FAIL, collect, cut, soft_cut, start_generator
 from drlsl.logic.terms import Atom, Struct, Var, deref
@@ -212,7 +212,7 @@ class _PredicateCompiler:
             function.indent += 1
             for position in self._holes:
                 close_hole(function, position)
-            function.emit(f"return ({', '.join(['entry, 0, None', *args, 'k'])})")
+            _emit_rest(function, args)
             function.indent -= 1
             function.emit("continue")
 
@@ -245,7 +245,10 @@ class _PredicateCompiler:
             self._assign(parts)
             function.emit("alts = None")
             function.emit("rounds -= 1")
-            function.emit(f"if rounds < 0: return ({', '.join(['entry, 0, None', *args, 'k'])})")
+            function.emit("if rounds < 0:")
+            function.indent += 1
+            _emit_rest(function, args)
+            function.indent -= 1
             function.emit("break")
 
         may_bind = False
@@ -267,6 +270,13 @@ class _PredicateCompiler:
         if changed:
             left, right = ", ".join(arg for arg, _ in changed), ", ".join(part for _, part in changed)
             self._function.emit(f"{left} = {right}")
+
+
+def _emit_rest(function: Function, args: Sequence[str]) -> None:
+    """Emit the end of a loop's share of rounds: back to the trampoline, past the limits if it is time."""
+    function.emit("m.left -= m.rounds")
+    task = f"({', '.join(['entry, 0, None', *args, 'k'])})"
+    function.emit(f"return {task} if m.left > 0 else m.rest({task})")
 
 
 def _chains(clauses: Sequence[Clause]) -> tuple[dict[Any, list[int]], list[int]]:

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Final
 
 from drlsl.logic.errors import PrologError
-from drlsl.logic.program import Predicate
+from drlsl.logic.program import Clause, Predicate
 from drlsl.logic.solver import Machine, Task, interpret, try_all
 from drlsl.logic.terms import Struct, deref
 
@@ -20,6 +20,8 @@ PATIENCE: Final = 8.0
 # Smaller predicates than this are not worth being measured.
 _SMALL: Final = 16
 _MOST_CLAUSES: Final = 40
+_LARGEST_CLAUSE: Final = 10_000
+_DEEPEST_CLAUSE: Final = 60
 
 
 def cold_entry(linker: Any, predicate: Predicate) -> Any:
@@ -117,9 +119,27 @@ def _is_compilable(predicate: Predicate) -> bool:
     return not predicate.dynamic and predicate.rows is None and 0 < len(predicate) <= _MOST_CLAUSES
 
 
+def _is_modest(clause: Clause) -> bool:
+    """Whether a clause is small enough to be worth compiling: Python takes long to compile long functions."""
+    left = _LARGEST_CLAUSE
+    todo = [(clause.head, 0), (clause.body, 0)]
+    while todo:
+        term, depth = todo.pop()
+        term = deref(term)
+        left -= 1
+        if not left or depth > _DEEPEST_CLAUSE:
+            return False
+        if type(term) is Struct:
+            # A conjunction or a list nests by its elements alone.
+            is_chain = len(term.args) == 2 and term.name in (",", ".")
+            todo.extend((arg, depth + 1) for arg in term.args[:-1])
+            todo.append((term.args[-1], depth if is_chain else depth + 1))
+    return True
+
+
 def _compile(linker: Any, predicate: Predicate) -> Any:
     """The compiled entry point, or None for a predicate that stays with the plain solver."""
-    if not _is_compilable(predicate):
+    if not _is_compilable(predicate) or not all(map(_is_modest, predicate.clauses)):
         return None
     # Imported late: programs that run for a moment need no compiler.
     from drlsl.logic.compiler.predicate import compile_predicate
@@ -128,6 +148,7 @@ def _compile(linker: Any, predicate: Predicate) -> Any:
         unbound = _Unbound(linker, predicate)
         unbound.entry = compile_predicate(predicate, linker, unbound)
         return unbound.entry
-    except PrologError:
-        # A body that is no goal is an error only once it is reached, which the plain solver waits for.
+    except (PrologError, RecursionError, SyntaxError):
+        # A body that is no goal is an error only once it is reached, which the plain solver waits for; and
+        # Python bounds how deep code nests.
         return None
