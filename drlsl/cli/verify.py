@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
@@ -16,6 +17,14 @@ from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.verify.report import Report, Request, Result
+
+
+class Solver(StrEnum):
+    """Who is asked whether a formula holds in some scene."""
+
+    Z3 = "z3"
+    CVC5 = "cvc5"
+    BOTH = "both"
 
 
 def verify(
@@ -44,6 +53,9 @@ def verify(
             min=0, metavar="N", help="Scenes with which to attack what is proved, 0: none; default: 200000."
         ),
     ] = None,
+    solver: Annotated[
+        Solver, typer.Option(help="Who proves; both: cvc5 is asked again what z3 has proved.")
+    ] = Solver.Z3,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
     out: Annotated[
         Path | None,
@@ -56,6 +68,8 @@ def verify(
 
     if find_spec("z3") is None:
         raise UserError("proofs need z3-solver: pip install 'drlsl[verify]'")
+    if solver is not Solver.Z3 and find_spec("cvc5") is None:
+        raise UserError(f"--solver {solver.value} needs cvc5: pip install 'drlsl[cvc5]'")
     from drlsl.verify.attack import SCENES
     from drlsl.verify.report import Request
     from drlsl.verify.report import verify as run
@@ -70,6 +84,7 @@ def verify(
         time_limit=time_limit,
         jobs=jobs or os.cpu_count() or 1,
         attack=SCENES if attack is None else attack,
+        solver=solver.value,
     )
     with _progress() as progress:
         report = run(request, progress)
@@ -118,6 +133,8 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
         if result.reason:
             yield f"         because {result.reason}"
         yield from (f"         {line}" for line in _floats_line(result))
+        if request.solver == "both":
+            yield f"         {_opinion_line(result)}"
         yield f"         {_attack_line(result)}"
         if result.counterexample is not None:
             yield from (f"         {line}" for line in _scene_lines(result, out))
@@ -144,6 +161,12 @@ def _floats_line(result: Result) -> Iterator[str]:
     yield f"{line}; there none is off by more than {floats.error:.2g}"
     if floats.because is not None:
         yield floats.because
+
+
+def _opinion_line(result: Result) -> str:
+    """What the second solver said; a question that was asked before is not asked again."""
+    line = f"{result.confirmed} question{'s' * (result.confirmed != 1)} confirmed by cvc5"
+    return line + (f", {result.unanswered} answered by one solver only" if result.unanswered else "")
 
 
 def _attack_line(result: Result) -> str:

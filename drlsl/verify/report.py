@@ -19,6 +19,7 @@ from drlsl.verify.margins import Floats
 from drlsl.verify.prove import Finding, Prover, Status, Task
 from drlsl.verify.ranges import Case, Range, all_cases
 from drlsl.verify.replay import Counterexample
+from drlsl.verify.second import Choice
 from drlsl.verify.workers import Workers
 
 IN_REAL_ARITHMETIC: Final = "proved in real arithmetic only"
@@ -33,7 +34,7 @@ class Request:
     """What is to be verified; no rules and no properties stand for the default ones.
 
     `only` names properties, none for all; `time_limit` [s] is for one property in one case. What is proved is
-    attacked with `attack` scenes, drawn by `seed`; with 0 it is not.
+    attacked with `attack` scenes, drawn by `seed`; with 0 it is not. `solver` says who proves.
     """
 
     rules: tuple[Path, ...] = ()
@@ -45,6 +46,7 @@ class Request:
     cases: tuple[Case, ...] = field(default_factory=lambda: tuple(all_cases()))
     attack: int = SCENES
     seed: int = SEED
+    solver: Choice = "z3"
 
 
 @dataclass(slots=True)
@@ -54,7 +56,8 @@ class Result:
     `enough`: with so many vehicles a proof holds for any number; None where that is not known. `seconds` of
     all processes together. `attack` is what came of attacking it, None where it was not; `prover_error` says
     that it was proved and is refuted by a scene. `floats` is what the proof says of the floats that run, None
-    where there is none. `amount` is by how much a scene breaks it that only rounding makes possible.
+    where there is none. With two solvers, `confirmed` questions were answered alike by both and `unanswered`
+    ones by one alone. `amount` is by how much a scene breaks it that only rounding makes possible.
     """
 
     name: str
@@ -71,6 +74,8 @@ class Result:
     prover_error: bool = False
     floats: Floats | None = None
     amount: Fraction | None = None
+    confirmed: int = 0
+    unanswered: int = 0
 
     @property
     def for_any_number(self) -> bool:
@@ -81,6 +86,8 @@ class Result:
     def take(self, finding: Finding) -> None:
         """Add what was found in one case."""
         self.seconds += finding.seconds
+        self.confirmed += finding.confirmed
+        self.unanswered += finding.unanswered
         if finding.status == "refuted" and self.status != "refuted":
             self.status, self.case, self.reason = "refuted", finding.case, ""
             self.counterexample = finding.counterexample
@@ -141,6 +148,8 @@ class Result:
             "seconds": round(self.seconds, 3),
             "reason": self.reason or None,
             "counterexample": None if self.counterexample is None else self.counterexample.as_json(),
+            "confirmed": self.confirmed,
+            "unanswered": self.unanswered,
             "prover_error": self.prover_error,
             "floats": None if self.floats is None else self.floats.as_json(),
             "amount": None if self.amount is None else float(self.amount),
@@ -177,7 +186,7 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
         UserError: a file cannot be read, or there is no such property.
         PrologError: a file is not a valid program.
     """
-    prover = Prover.of(request.rules, request.properties, request.only)
+    prover = Prover.of(request.rules, request.properties, request.only, request.solver)
     results = {one.name: one for one in _results(prover, request)}
     cases = len(request.cases)
     with _crew(prover, request) as crew:
@@ -272,7 +281,8 @@ def _crew(prover: Prover, request: Request) -> Iterator[_Crew]:
     if request.jobs == 1:
         yield functools.partial(_alone, prover)
         return
-    with Workers(request.jobs, _prepare, request.rules, request.properties, request.only) as workers:
+    program = (request.rules, request.properties, request.only, request.solver)
+    with Workers(request.jobs, _prepare, *program) as workers:
         yield workers.results
 
 
@@ -281,9 +291,11 @@ def _alone(prover: Prover, next_task: Callable[[], Work | None]) -> Iterator[Any
         yield _do(prover, task)
 
 
-def _prepare(rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str]) -> Callable[[Work], Any]:
+def _prepare(
+    rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str], solver: Choice
+) -> Callable[[Work], Any]:
     """What a worker does with a piece of work."""
-    return functools.partial(_do, Prover.of(rules, properties, only))
+    return functools.partial(_do, Prover.of(rules, properties, only, solver))
 
 
 def _do(prover: Prover, work: Work) -> list[Finding] | Judgement:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, Literal, Protocol, TypeAlias
@@ -11,6 +11,7 @@ import z3
 
 from drlsl.verify.booleans import Bool, leaves
 from drlsl.verify.polynomials import Interval, Monomial, Polynomial, Rational
+from drlsl.verify.second import MOST_SECONDS, Cvc5, Judges, SolversDisagree, holds
 from drlsl.verify.signature import signature
 from drlsl.verify.symbolic import Model
 from drlsl.verify.values import Algebra
@@ -47,14 +48,23 @@ class Solver:
 
     A `linear` one takes products for numbers of their own. One for `few` unknowns divides their space into
     cells where every polynomial has one sign, which always gives an answer, but takes long where they are
-    many. `settled` holds what was proved to hold nowhere.
+    many. `settled` holds what was proved to hold nowhere. `judges` says whether cvc5 is asked too, or alone,
+    what holds nowhere; scenes are found by z3.
     """
 
     def __init__(
-        self, scene: Scenes, *, linear: bool, few: bool = False, settled: set[bytes] | None = None
+        self,
+        scene: Scenes,
+        *,
+        linear: bool,
+        few: bool = False,
+        settled: set[bytes] | None = None,
+        judges: Judges | None = None,
     ) -> None:
         self._scene = scene
         self._settled = set() if settled is None else settled
+        self._judges = judges or Judges()
+        self._second = Cvc5(scene.algebra.ring, linear=linear) if self._judges.solver != "z3" else None
         self._linear = linear
         self._few = few
         self._by_luck = not linear and not few
@@ -71,6 +81,18 @@ class Solver:
         question = signature([truth, *premises], self._algebra.ring)
         if question in self._settled:
             return Outcome("none")
+        truths = [truth, *premises]
+        if self._judges.solver == "cvc5":
+            outcome = self._by_cvc5(truths, seconds)
+        else:
+            outcome = self._by_z3(truth, premises, seconds)
+            if self._second is not None:
+                outcome = self._compared(outcome, truths, seconds)
+        if outcome.verdict == "none":
+            self._settled.add(question)
+        return outcome
+
+    def _by_z3(self, truth: Bool, premises: Mapping[Bool, None], seconds: float) -> Outcome:
         outcome = Outcome("unknown")
         for seed, share in _tries(seconds) if self._by_luck else [(0, seconds)]:
             solver = self._solver(share, seed)
@@ -79,9 +101,34 @@ class Solver:
             outcome = self._outcome(solver)
             if outcome.verdict != "unknown":
                 break
-        if outcome.verdict == "none":
-            self._settled.add(question)
         return outcome
+
+    def _by_cvc5(self, truths: Sequence[Bool], seconds: float) -> Outcome:
+        assert self._second is not None
+        opinion = self._second.ask(truths, seconds).opinion
+        return Outcome(opinion, reason="timeout" if opinion == "unknown" else "")
+
+    def _compared(self, outcome: Outcome, truths: Sequence[Bool], seconds: float) -> Outcome:
+        """What both solvers say of a question; the second is asked where the first has no mere relaxation.
+
+        Raises:
+            SolversDisagree: one has a scene that the other says there is not.
+        """
+        assert self._second is not None
+        if outcome.verdict == "some" and self._linear:
+            return outcome
+        second = self._second.ask(truths, min(seconds, MOST_SECONDS))
+        if outcome.verdict == "none" and second.checked:
+            raise SolversDisagree("z3", "cvc5")
+        if second.opinion == "none" and outcome.model is not None:
+            if all(holds(truth, outcome.model.numbers, outcome.model.flags) for truth in truths):
+                raise SolversDisagree("cvc5", "z3")
+            return outcome
+        if outcome.verdict == "none" and second.opinion == "none":
+            self._judges.confirmed += 1
+        elif "none" in (outcome.verdict, second.opinion):
+            self._judges.unanswered += 1
+        return Outcome("none") if second.opinion == "none" else outcome
 
     def find(self, truth: Bool, seconds: float, *, margin: Fraction, usual: int) -> Outcome:
         """A scene that fulfils `truth`, each of its comparisons by a margin.
