@@ -243,10 +243,15 @@ def _depend(open_: Evaluations, lowest: int, predicate: Predicate, continuation:
             commits = _node_commits(task[1])
             task = task[2][1]
         else:
-            commits = task[0] is collect or task[0].__name__ in task[0].__globals__.get("COMMITS", ())
+            commits = task[0] is collect or _code_commits(task[0])
             task = task[-1]
         if commits or type(task) is not tuple:
             raise _Incomplete(predicate)
+
+
+def _code_commits(function: Any) -> bool:
+    """The same of compiled code that goes on behind a goal."""
+    return getattr(function, "__name__", "") in getattr(function, "__globals__", {}).get("COMMITS", ())
 
 
 def _node_commits(start: Node) -> bool:

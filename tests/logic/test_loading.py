@@ -332,6 +332,7 @@ def test_module_names_before_heads_indicators_and_goals_are_dropped() -> None:
 SWIPL_CASES = [
     IF.replace("p(3) :- a,\n    ) .\n", "p(3).\n").replace("'what ", ""),
     f"{BOM}:- dynamic p/1.\np(1).",
+    ":- if(fail).\n:- if(true).\np(5).\n:- else.\np(6).\n:- endif.\n:- else.\np(7).\n:- endif.\n",
 ]
 
 
