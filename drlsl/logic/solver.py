@@ -580,6 +580,9 @@ def run(machine: Machine, task: Task) -> Task:
     """Run nodes until something that is not the plain solver's own comes next."""
     node: Node = task[1]
     frame: list[Any] = task[2]
+    if node.clause is not None and node.clause.predicate.cold:
+        # A clause that compiled code comes back to so often is worth code of its own.
+        node.clause.predicate.cold -= 1
     choices = machine.choices
     following: Task
     try:

@@ -86,7 +86,8 @@ class _Unbound:
         self._code: Any = None
 
     def __call__(self, machine: Machine, task: Task) -> Task:
-        self._left -= 1
+        # Such a call tries every clause sooner or later.
+        self._left -= len(self._predicate)
         if self._left >= 0:
             return _call_plain(self._predicate, machine, task)
         if self._code is None:
