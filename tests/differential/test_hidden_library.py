@@ -23,8 +23,9 @@ SPEED = Relation("speed", ("float",), single=True)
 SCHEMA = Schema([SPEED])
 ASK = Query("ask", 0, "holds")
 
-CONTROL = sorted({*registry.CONTROL, *CONTROL_ARGUMENTS})
-OTHERS = sorted({*registry.DET, *registry.NONDET, *GOALS, *library().exports} - {*CONTROL})
+QUALIFIED = (":", 2)  # before a head it is the name of a module, and the clause is one of what follows
+CONTROL = sorted({*registry.CONTROL, *CONTROL_ARGUMENTS} - {QUALIFIED})
+OTHERS = sorted({*registry.DET, *registry.NONDET, *GOALS, *library().exports} - {*CONTROL, QUALIFIED})
 
 
 def goal(name: str, arity: int) -> str:
