@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 from drlsl.driving.shield import default_rules
-from drlsl.logic.lowering.ir import Node
+from drlsl.logic.lowering.ir import Node, reach
 from drlsl.logic.lowering.unfold import deep_recursion
+from drlsl.verify.assumed import Simplifier
 from drlsl.verify.drawn_facts import ExactFacts
-from drlsl.verify.exact import _Floats, judge
+from drlsl.verify.exact import _Exact, _Floats, judge
+from drlsl.verify.intervals import Values
 from drlsl.verify.margins import USUAL_MARGIN, Floats
+from drlsl.verify.ordering import Order
 from drlsl.verify.prove import Prover
 
 RULES = default_rules()[0].parent
@@ -185,6 +188,79 @@ def near_limits(root: Node, rng: random.Random, pairs: int) -> Iterator[tuple[fl
                 min(high, max(low, value + scale * rng.uniform(-1, 1) * max(1.0, abs(value))))
                 for value, (low, high) in zip(one, UNKNOWNS.values(), strict=True)
             )
+
+
+def like(rng: random.Random) -> str:
+    """A comparison that the order of doubles may decide, or a choice between two numbers."""
+    one, other = expression(rng, 1), expression(rng, 1)
+    most, least = f"min({one}, {other})", f"max({one}, {other})"
+    third = rng.choice(["A", "B", "C", "0.35"])
+    left, right = rng.choice([(most, one), (one, least), (most, least), (least, one), (other, one)])
+    op = rng.choice(["<", ">", "=<", ">="])
+    if rng.random() < 0.4:
+        picked = rng.choice([f"{one} {op} {other}", f"\\+ ( {one} {op} {other}, A < 0.5 )"])
+        return f"P is {one}, Q is {other}, once(( {picked}, R = P ; R = Q )), R * {third} {op} {left}."
+    frames = ["{} + {}", "{} - {}", "{} * {}", "{} / {}", "{1} - {0}", "{1} - {0} * 0.1"]
+    frame = rng.choice(frames)
+    return f"{frame.format(left, third)} {op} {frame.format(right, third)}."
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_what_is_put_in_for_a_condition_is_the_same_in_doubles(tmp_path: Path, part: int) -> None:
+    """Conditions that are settled by order, and choices that are minima, keep their truth in every scene."""
+    fewer = 0
+    for seed in range(part * 40, part * 40 + 40):
+        rng = random.Random(seed)
+        prover = prover_of(tmp_path, BOUND + like(rng), DECLARED)
+        if "q" not in prover.answers:
+            continue
+        found, pool = prover.answers["q"].found, prover._pools["q"]
+        values = Values(pool, prover.book.ranges, 0, USUAL_MARGIN)
+        made = Simplifier(pool, Order(values).settled).simplified(found, {})
+        fewer += made is not found
+        for numbers in [*(drawn(rng) for _ in range(30)), *near_limits(found, rng, 2)]:
+            if not floats_say(prover.answers["q"].undecided, numbers):
+                assert floats_say(made, numbers) is floats_say(found, numbers), (seed, numbers)
+    assert fewer > 4
+
+
+STEEP = (
+    "B * 0.1 + D * 1.0e6 ; X is B * 0.1",
+    "max(-8.0, min(3.0, (A * B - B * 0.3) / (A - 0.35)))",
+    "min(7.0, C / (A * A)) * 0.1",
+    "max(-1.0, min(A * B / (A - 0.1), D * D))",
+    "min(sqrt(abs(A - 0.7)) * C, max(B, 1.0 / (A - 0.1)))",
+    "max(-8.0, (B - A * 3.0) / (A - 0.1)) * A",
+)
+
+
+@pytest.mark.parametrize("steep", STEEP)
+@pytest.mark.parametrize("wanted", [1e-9, 1e-6, 1e-4])
+def test_no_number_is_further_off_than_its_bound(tmp_path: Path, steep: str, wanted: float) -> None:
+    """Clamped quotients next to where their divisor is 0, but for the margin."""
+    prover = prover_of(tmp_path, f"{BOUND}once(( A > 0.3, X is {steep} )), X > 0.01234.", DECLARED)
+    answer, rng = prover.answers["q"], random.Random(1)
+    values = Values(prover._pools["q"], prover.book.ranges, 0, wanted)
+    node = next(one for one in reach([answer.found]) if one.op == "lt" and one.args[0].data == 0.01234)
+    number = node.args[1]
+    bound = values.of(number, values.start).error
+    tried = 0
+    for _ in range(400):
+        numbers = list(drawn(rng))
+        numbers[0] = rng.choice([0.1, 0.35, 0.7, 0.0]) + wanted * rng.choice(
+            [1.01, 2.0, 10.0, 1e3]
+        ) * rng.choice([-1, 1])
+        if not 0.0 <= numbers[0] <= 1.0:
+            continue
+        exact = _Exact(facts(list(map(Fraction, numbers))), 500)
+        exact.truth(answer.undecided)
+        if min(exact.distances.values(), default=Fraction(1)) <= wanted:
+            continue
+        tried += 1
+        real = exact.value(number)
+        off = abs(Fraction(_Floats(facts(numbers)).value(number)) - real.low)
+        assert off <= Fraction(bound) + (real.high - real.low)
+    assert tried > 100
 
 
 def disagreements(folder: Path, seed: int, pairs: int) -> tuple[int, int]:
