@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from drlsl.driving.actions import Action
 from drlsl.driving.batch import SceneBatch, fail_safe_speed
 from drlsl.driving.scene import EGO, Scene, Vehicle
-from drlsl.driving.shield import RuleFailure, Shield
+from drlsl.driving.shield import LIMITS, RuleFailure, Shield
 from drlsl.errors import UserError
-from drlsl.logic import Engine, PrologSyntaxError
+from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, PrologSyntaxError
 from tests.scenes import road, scenes
 
 PROGRAMS = ("highway.pl", "overtake_left.pl", "paper.pl")
@@ -248,3 +248,42 @@ def test_a_value_of_another_kind_is_refused_by_name(field: str, value: object) -
 def test_a_lane_beyond_64_bits_has_no_place_in_a_batch() -> None:
     with pytest.raises(ValueError, match="a lane of scene 1 is no integer of 64 bits"):
         SceneBatch.of([SCENE, replace(SCENE, ego=SCENE.ego._replace(lane=2**64))])
+
+
+# ---------------------------------------------------------------------- what a rule must not do
+
+
+@pytest.mark.parametrize("goal", ["halt", "halt(3)", "catch(halt, _, true)", "call_cleanup(fail, halt)"])
+@pytest.mark.parametrize("tier", ["interpreter", "auto"])
+def test_a_rule_that_halts_is_a_failure_with_the_fail_safe(goal: str, tier: str) -> None:
+    halting = shield(
+        tier, safe_actions=f"safe_actions(lane_keeping) :- {goal}.", entry_is_safe="entry_is_safe :- halt."
+    )
+    with pytest.raises(RuleFailure, match="asked to end"):
+        halting.decide(SCENE)
+    with pytest.raises(RuleFailure, match="asked to end"):
+        halting.entry_is_safe(SCENE)
+    decisions = halting.decide_batch(SceneBatch.of([SCENE]))
+    assert list(decisions.failures) == [0]
+    assert decisions.target_speed[0] == fail_safe_speed(SCENE.ego.vx, SCENE.road)
+
+
+def test_a_file_that_halts_or_never_ends_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "rules.pl"
+    path.write_text("\n".join(USABLE.values()) + "\n:- halt.\n")
+    with pytest.raises(PrologError, match="asked to end"):
+        Shield.from_files([path])
+    engine = Engine()
+    path.write_text("p(1).\n:- repeat, fail.\n")
+    with pytest.raises(LimitExceeded):
+        engine.consult(path, limits=Limits(inferences=10_000))
+    assert not engine.defines("p", 1)
+
+
+def test_a_question_may_have_a_limit_of_seconds() -> None:
+    engine = Engine()
+    engine.consult_text("\n".join({**USABLE, "entry_is_safe": "entry_is_safe :- repeat, fail."}.values()))
+    with pytest.raises(RuleFailure, match="seconds"):
+        Shield(engine, seconds=0.05).entry_is_safe(SCENE)
+    assert Shield(engine).limits == LIMITS
+    assert LIMITS.seconds is None
