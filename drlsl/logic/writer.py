@@ -184,7 +184,8 @@ class _Writer:
             else:
                 self._compound(term, priority, depth)
         elif isinstance(term, Atom):
-            self._emit(style.atom(term.name))
+            # A message needs no more of a long name than its beginning.
+            self._emit(style.atom(term.name[:_LONG] if self.most else term.name))
         elif isinstance(term, Var):
             self._emit(style.names.get(id(term)) or variable_name(term))
         elif isinstance(term, int):
