@@ -28,6 +28,8 @@ BUILTIN_ARGUMENTS: Final[dict[tuple[str, int], tuple[int, ...]]] = {
     ("aggregate_all", 3): (1,),
     ("aggregate_all", 4): (2,),
     ("catch", 3): (0, 2),
+    ("call_cleanup", 2): (0, 1),
+    ("setup_call_cleanup", 3): (0, 1, 2),
 }
 """Of builtins that call what they are given as it stands."""
 

@@ -14,6 +14,7 @@ from typing import Final, TypeAlias
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.goals import GOAL_ARGUMENTS
+from drlsl.logic.linking import library
 from drlsl.logic.program import Clause, Program
 from drlsl.logic.terms import Atom, Struct, Term, deref
 
@@ -84,6 +85,7 @@ def expand(engine: Engine) -> None:
             raise UserError("in/2 needs the name of an image as its first argument")
         if name.name not in images:
             images[name.name] = _Copies(engine.program, name.name)
+        _refuse_given_goals(engine.program, goal.args[1], name.name)
         return rewritten(goal.args[1], images[name.name].change)
 
     for predicate in list(engine.program.predicates.values()):
@@ -91,6 +93,55 @@ def expand(engine: Engine) -> None:
             predicate.replace(
                 [_with_body(clause, rewritten(clause.body, change)) for clause in predicate.clauses]
             )
+
+
+def _refuse_given_goals(program: Program, asked: Term, image: str) -> None:
+    """Refuse an image of what calls a goal that it is given, as maplist/2 does: the goal would be asked here.
+
+    Raises:
+        UserError: such a predicate is called, however indirectly.
+    """
+    seen: set[Indicator] = set()
+    open_ = [(key, key) for key in calls(asked)]
+    while open_:
+        key, called_as = open_.pop()
+        if key in seen:
+            continue
+        seen.add(key)
+        bodies = _bodies(program, key)
+        if key in _GIVEN_GOALS or any(map(_calls_unknown, bodies)):
+            what = f"{called_as[0]}/{called_as[1]} calls a goal that it is given"
+            raise UserError(
+                f"{what}, which in({image}, ...) cannot ask there; write that goal itself instead"
+            )
+        # what the library calls inside is known to readers by the name that they call
+        inside = key in library().exports and program.find(*key) is None
+        for body in bodies:
+            open_.extend((called, called_as if inside else called) for called in calls(body))
+
+
+def _bodies(program: Program, key: Indicator) -> list[Term]:
+    """The bodies of a predicate of the program, or else of the library."""
+    places = (program.find(*key), library().find(*key), library().program.find(*key))
+    predicate = next((one for one in places if one is not None and one.defined), None)
+    return [] if predicate is None or predicate.rows is not None else [one.body for one in predicate.clauses]
+
+
+_GIVEN_GOALS: Final = frozenset({("phrase", 2), ("phrase", 3), ("with_output_to", 2)})
+"""Builtins without clauses that call what they are given, in another form than it has."""
+
+
+def _calls_unknown(goal: Term) -> bool:
+    """Whether a body calls a goal that is not known before it runs."""
+    goal = deref(goal)
+    called = indicator(goal)
+    if called is None:
+        return True
+    if not isinstance(goal, Struct):
+        return False
+    if called in _GOALS or called == IN:
+        return any(_calls_unknown(goal.args[place]) for place in _GOALS.get(called, (1,)))
+    return goal.name == "call" and _calls_unknown(goal.args[0])
 
 
 def _shallow(goal: Term) -> Iterator[Indicator]:

@@ -38,6 +38,9 @@ def test_alone_is_the_scene_with_one_vehicle(book: Book, scene: Scene, data: st.
     assert there == [action for action in ACTIONS if book.engine.holds(f"safe_actions({action})")]
 
 
+P = "image(a, p(2), true). p(1)."
+
+
 def engine_of(text: str) -> Engine:
     engine = Engine()
     engine.consult_text(text)
@@ -56,6 +59,16 @@ def test_only_what_depends_on_the_facts_is_copied() -> None:
     assert not engine.defines("far:limit", 1)
 
 
+def test_goals_inside_control_constructs_are_asked_in_the_image() -> None:
+    engine = engine_of(
+        f"{P} "
+        "ask(X) :- in(a, ( call(p, X), \\+ p(1), setup_call_cleanup(true, p(X), p(_)) )). "
+        "list(L) :- in(a, ( findall(X, ( member(X, [1, 2]), p(X) ), L), forall(member(Y, L), p(Y)) ))."
+    )
+    assert [solution["X"] for solution in engine.query("ask(X)")] == [2]
+    assert [solution["L"] for solution in engine.query("list(L)")] == [[2]]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -63,6 +76,21 @@ def test_only_what_depends_on_the_facts_is_copied() -> None:
         ("image(a, p(X), p(X)). p(1). ask :- in(a, in(a, p(_))).", "an image of an image"),
         ("image(a, p(X), p(X)). p(1). ask(G) :- in(a, call(G, 1)).", "not known before the rules run"),
         ("p(1). ask(X) :- in(X, p(1)).", "needs the name of an image"),
+        (
+            f"{P} ask :- in(a, maplist(p, [1])).",
+            "maplist/2 calls a goal that it is given",
+        ),
+        (f"{P} q :- maplist(p, [1]). ask :- in(a, q).", "maplist/2 calls a goal"),
+        (f"{P} each(G) :- G. ask :- in(a, each(p(1))).", "each/1 calls a goal"),
+        (
+            f"{P} each(G) :- \\+ call(G, 1). q :- each(p). ask :- in(a, q).",
+            "each/1 calls",
+        ),
+        (f"{P} ask :- in(a, phrase(p, [])).", "phrase/2 calls a goal"),
+        (
+            f"{P} ask :- in(a, foldl(q, [1], 0, _)). q(X, Y, Y) :- p(X).",
+            "foldl/4 calls",
+        ),
     ],
 )
 def test_images_that_cannot_be(text: str, message: str) -> None:
