@@ -6,9 +6,10 @@
 %   unknown(Name, Low, High, Text)    a number, any between the two: there is a fact Name(Number)
 %   in(alone, Goal)                   Goal with the vehicle of focus(Car) alone, which is any one
 %
-% The assumptions. A vehicle behind, the ego or another, speeds up by at most 3 m/s2 for its response time of 0.35 s and from then
-% on brakes by at least 6 m/s2 until it stands. A vehicle in front brakes by at most 8 m/s2. Nobody drives backward. Sideways,
-% none but the vehicles that spec_claims/2 names (in the lane, or drifting into it within 3 s) come into the lane changed to.
+% The assumptions. A vehicle behind, the ego or another, and either of two that come towards each other, speeds up by at most 3 m/s2
+% for its response time of 0.35 s and from then on brakes by at least 6 m/s2 until it stands. A vehicle in front brakes by at most
+% 8 m/s2. Nobody turns round: who drives one way never drives the other. Sideways, none but the vehicles that spec_claims/2 names
+% (in the lane, or drifting into it within 3 s) come into the lane changed to.
 
 :- ensure_loaded('spec.pl').
 
@@ -22,6 +23,7 @@
 :- dynamic(gap_between/1).
 :- dynamic(reached_speed/1).
 :- dynamic(step_share/1).
+:- dynamic(farther_gap/1).
 :- discontiguous(property/2).
 :- discontiguous(violates/1).
 
@@ -35,6 +37,7 @@ unknown(front_speed, 0, 70, 'speed of a vehicle in front, m/s').
 unknown(gap_between, 0, 1000, 'gap between the two, m').
 unknown(reached_speed, 0, 71, 'the ego''s speed after a step, m/s').
 unknown(step_share, 0, 1, 'share of a time step that has passed').
+unknown(farther_gap, 0, 1000, 'a gap that is no less, m').
 
 % ------------------------------------------------------------------------------------------- how far vehicles come
 
@@ -76,9 +79,6 @@ spec_rear_way(V, T, S) :- T > 0.35, 6.0 * (T - 0.35) >= V + 3.0 * 0.35, spec_rea
 spec_rear_speed(V, T, U) :- T =< 0.35, spec_speeds_up(A), U is V + A * T.
 spec_rear_speed(V, T, U) :- T > 0.35, U is max(0.0, V + 3.0 * 0.35 - 6.0 * (T - 0.35)).
 
-% spec_rear_stop(V, S): the farthest way until it stands.
-spec_rear_stop(V, S) :- S is V * 0.35 + 3.0 * 0.35 * 0.35 / 2 + (V + 3.0 * 0.35) * (V + 3.0 * 0.35) / (2 * 6.0).
-
 % spec_speeds_up(A): 3 m/s2, but for a billionth: 3.0 * 0.35, in numbers of a computer, is a little less than 1.05.
 spec_speeds_up(2.999999999).
 
@@ -94,6 +94,11 @@ violates(nearest_at_the_ends) :-
     rear_speed(V1), front_speed(V2), moment(T), spec_front_way(V2, T, Front), spec_rear_way(V1, T, Rear),
     spec_least_gap(0.0, V1, V2, Least), Front - Rear < Least.
 
+property(nearest_when_both_stand, 'of the gaps between two that come towards each other the last is the least').
+violates(nearest_when_both_stand) :-
+    rear_speed(V1), front_speed(V2), moment(T), spec_rear_way(V1, T, S1), spec_rear_way(V2, T, S2),
+    spec_opposite(V1, V2, Distance), S1 + S2 > Distance.
+
 property(keeps_apart_ahead, 'after a lane change is offered, the gap to a vehicle ahead there is at no moment under 2 m').
 violates(keeps_apart_ahead) :-
     spec_moves_in(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2),
@@ -104,13 +109,18 @@ violates(keeps_apart_behind) :-
     spec_moves_in(Car, Offset, Gap), Offset < 0.0, spec_speed(Car, V1), spec_speed(ego, V2),
     spec_least_gap(Gap, V1, V2, Least), Least < 2.0.
 
+property(keeps_apart_oncoming, 'nor the gap to a vehicle that comes the other way there').
+violates(keeps_apart_oncoming) :-
+    spec_moves_in(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_coming(Car, V2),
+    spec_opposite(V1, V2, Distance), Gap - Distance < 2.0.
+
 % spec_moves_in(Car, Offset, Gap): Car is, or comes, in a lane that the ego may change to.
 spec_moves_in(Car, Offset, Gap) :- spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap).
 
 % spec_least_gap(Gap, V1, V2, Least): the lesser of the gap now, from speed V1 behind and V2 in front, and the one when both stand.
 spec_least_gap(Gap, V1, V2, Least) :- spec_rear_stop(V1, Rear), Least is min(Gap, Gap + V2 * V2 / (2 * 8.0) - Rear).
 
-% ----------------------------------------------------------------------------------------- the critical distance
+% ---------------------------------------------------------------------------------------------- the safe distances
 
 property(distance_is_enough, 'from a gap above the critical distance there is at no moment a contact').
 violates(distance_is_enough) :-
@@ -122,18 +132,49 @@ violates(distance_is_least) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap < Critical,
     spec_rear_stop(V1, Rear), Front is V2 * V2 / (2 * 8.0), Gap + Front - Rear >= 0.0.
 
+property(opposite_is_enough, 'from a gap above the distance for opposite directions there is at no moment a contact').
+violates(opposite_is_enough) :-
+    rear_speed(V1), front_speed(V2), gap_between(Gap), opposite_distance(V1, V2, Distance), Gap > Distance,
+    moment(T), spec_rear_way(V1, T, S1), spec_rear_way(V2, T, S2), Gap - S1 - S2 =< 0.0.
+
+property(opposite_is_least, 'from any smaller gap there is a contact, if the two do no better than is assumed of them').
+violates(opposite_is_least) :-
+    rear_speed(V1), front_speed(V2), gap_between(Gap), opposite_distance(V1, V2, Distance), Gap < Distance,
+    spec_rear_stop(V1, S1), spec_rear_stop(V2, S2), Gap - S1 - S2 >= 0.0.
+
 % ---------------------------------------------------------------------------------------------------- following
 
 % A step: the ego comes to a speed by constant acceleration, as drlsl.driving.control.move_forward has it, and at most by 8 m/s2.
 % A vehicle ahead that brakes by 8 m/s2 all the time stops V * V / 16 further on; one that brakes less stops further on still, and
-% has come at least (V * V - U * U) / 16 when it is as fast as U: both follow from front_comes_so_far.
+% has come at least (V * V - U * U) / 16 when it is as fast as U: both follow from front_comes_so_far. A vehicle that comes the other
+% way is one that stands where it will stop. That place is no nearer than spec_leader/4 has it at any moment from its response on:
+% either the ego can stop even there, or it brakes as hard as it can.
 
 property(can_stop_after_step,
     'behind a vehicle ahead where it can stop now, the ego still can after a step to at most the speed that this one calls for').
 violates(can_stop_after_step) :-
-    spec_in_path(Car), focus(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2),
+    spec_in_path(Car), focus(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_along(Car, V2),
     spec_can_stop(Gap, V1, V2), spec_reaches(V1, V), in(alone, longitudinal_velocity(Most)), V =< Most,
     \+ spec_can_stop_after(Gap, V1, V, V2).
+
+property(can_stop_before_oncoming,
+    'and where it can stop before a vehicle that comes the other way, it still can after a step to at most that speed').
+violates(can_stop_before_oncoming) :-
+    spec_in_path(Car), focus(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, spec_speed(ego, V1), spec_coming(Car, V2),
+    spec_rear_stop(V2, Way), Room is Gap - Way,
+    spec_can_stop(Room, V1, 0.0), spec_reaches(V1, V), in(alone, longitudinal_velocity(Most)), V =< Most,
+    \+ spec_can_stop_after(Room, V1, V, 0.0).
+
+property(brakes_fully_where_it_cannot, 'where it cannot stop behind a vehicle ahead, this one calls for full braking').
+violates(brakes_fully_where_it_cannot) :-
+    spec_in_path(Car), focus(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, Gap > 0.0, spec_speed(ego, V1),
+    spec_leader(Car, Gap, Room, V2), \+ spec_can_stop(Room, V1, V2),
+    in(alone, longitudinal_velocity(Most)), time_step(Dt), Most > max(0.0, V1 - 8.0 * Dt).
+
+property(nearer_is_no_softer, 'the nearer the place where a vehicle stands, or will stop, the harder the braking that it calls for, or as hard').
+violates(nearer_is_no_softer) :-
+    rear_speed(V), gap_between(Gap), Gap > 0.0, farther_gap(Farther), Farther > Gap,
+    follow(Gap, V, 0.0, A), follow(Farther, V, 0.0, A1), A > A1.
 
 property(can_stop_after_full_braking,
     'behind a vehicle ahead where it can stop now, the ego still can after a step of full braking').
@@ -151,13 +192,18 @@ violates(no_contact_within_step) :-
 property(can_stop_after_change, 'one step after a lane change is offered, the ego can stop behind every vehicle ahead there').
 violates(can_stop_after_change) :-
     spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset > 0.0,
-    spec_speed(ego, V1), spec_speed(Car, V2), spec_reaches(V1, V), time_step(Dt), V =< V1 + 3.0 * Dt,
-    \+ spec_can_stop_after(Gap, V1, V, V2).
+    spec_speed(ego, V1), spec_leader(Car, Gap, Room, V2), spec_reaches(V1, V), time_step(Dt), V =< V1 + 3.0 * Dt,
+    \+ spec_can_stop_after(Room, V1, V, V2).
 
 property(can_stop_at_entry, 'where the ego comes onto the road, it can stop behind every vehicle ahead in its lane').
 violates(can_stop_at_entry) :-
     entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), Offset > 0.0,
-    spec_speed(ego, V1), spec_speed(Car, V2), \+ spec_can_stop(Gap, V1, V2).
+    spec_speed(ego, V1), spec_leader(Car, Gap, Room, V2), \+ spec_can_stop(Room, V1, V2).
+
+% spec_leader(Car, Gap, Room, V): the room up to where Car ahead is, and its speed; if it comes the other way, the room up to the
+% farthest place where it stops, and 0.
+spec_leader(Car, Gap, Gap, V) :- spec_along(Car, V).
+spec_leader(Car, Gap, Room, 0.0) :- spec_coming(Car, V), spec_rear_stop(V, Way), Room is Gap - Way.
 
 % spec_can_stop(Gap, V1, V2): the ego, at speed V1, can stop behind a vehicle that brakes at its hardest from speed V2.
 spec_can_stop(Gap, V1, V2) :- Gap > 0.0, spec_stop(V1, S), Gap + V2 * V2 / (2 * 8.0) > S.

@@ -11,6 +11,11 @@
 %   acceleration_limit(A), braking_limit(B)            the hardest the ego can speed up and brake
 %   centre_tolerance(D)                                how near its lane's centre line the ego takes up a lane change
 %
+% What is assumed of others, as in RSS: a vehicle in front brakes by at most 8 m/s2; a vehicle behind, and one that comes towards the
+% ego, speeds up by at most 3 m/s2 for 0.35 s and from then on brakes by at least 6 m/s2. Nobody turns round. So does the ego itself
+% behind or before them. The rules can only keep the distance to a vehicle that comes the other way as far as the ego sees:
+% at 30 m/s and 40 m/s, 247.6 m from bumper to bumper are needed (docs/driving.md).
+%
 % Asked of every program:  safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
 % state(Observation), entry_is_safe.  Asked where present: lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
 
@@ -28,13 +33,14 @@
 
 % ---------------------------------------------------------------------------------------------------- parameters
 
-% response_time(T): the time before a rear vehicle reacts. Source: UN R157, 5.2.5.2 (0.35 s).
+% response_time(T): the time before a rear vehicle, or one that comes the other way, reacts. Source: UN R157, 5.2.5.2 (0.35 s).
 response_time(0.35).
 
-% response_acceleration(A): how hard a rear vehicle may speed up before it reacts. Source: RSS, a_max,accel.
+% response_acceleration(A): how hard it may speed up before it reacts. Source: RSS, a_max,accel.
 response_acceleration(3.0).
 
-% rear_braking(B): the braking a rear vehicle is sure to reach. Source: RSS, a_min,brake; UN R157 (6 m/s2).
+% rear_braking(B): the braking a rear vehicle is sure to reach, and either of two that come towards each other.
+% Source: RSS, a_min,brake and a_min,brake,correct; UN R157 (6 m/s2).
 rear_braking(6.0).
 
 % front_braking(B): the hardest braking to expect of a vehicle in front. Source: RSS, a_max,brake; dry road.
@@ -76,8 +82,11 @@ heading(right_to_left, -1).
 % ego_heading(Sign): the ego's sign of motion along x.
 ego_heading(Sign) :- direction(ego, Direction), heading(Direction, Sign).
 
+% velocity(Car, V): Car's velocity in the ego's direction; negative for a vehicle that comes the other way.
+velocity(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), ego_heading(Sign), V is Sign * Vx.
+
 % speed(Car, V): Car's speed in the ego's direction; 0 for a vehicle that stands or comes the other way.
-speed(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), ego_heading(Sign), V is max(0.0, Sign * Vx).
+speed(Car, V) :- velocity(Car, V0), V is max(0.0, V0).
 
 % distance(Car1, Car2, D): between the two centres. Source: paper, SLP for AD.
 distance(Car1, Car2, D) :-
@@ -186,17 +195,30 @@ front_left_is_free :- \+ front_left_is_busy.
 
 % ----------------------------------------------------------------------------------------------- safe distances
 
+% stopping_way(V, S): how far a vehicle comes at most until it stands: it may speed up until it reacts, and then brakes as it is
+% sure to.
+stopping_way(V, S) :-
+    response_time(T), response_acceleration(A), rear_braking(B),
+    S is V * T + A * T * T / 2 + (V + A * T) * (V + A * T) / (2 * B).
+
 % critical_distance(VRear, VFront, C): the least gap from which the rear vehicle, after its response time, can stop behind
 % a front vehicle that brakes at its hardest. Source: RSS (Shalev-Shwartz et al. 2017), Definition 1.
 critical_distance(VRear, VFront, C) :-
-    response_time(T), response_acceleration(A), rear_braking(BRear), front_braking(BFront),
-    C is max(0.0, VRear * T + A * T * T / 2 + (VRear + A * T) * (VRear + A * T) / (2 * BRear) - VFront * VFront / (2 * BFront)).
+    stopping_way(VRear, S), front_braking(B), C is max(0.0, S - VFront * VFront / (2 * B)).
 
-% required_gap(VRear, VFront, Gap): the critical distance and the room kept at standstill.
-required_gap(VRear, VFront, Gap) :- critical_distance(VRear, VFront, C), standstill_gap(D), Gap is C + D.
+% opposite_distance(V1, V2, C): the least gap from which two that come towards each other, as fast as V1 and V2, can both stop.
+% Source: RSS, Definition 2.
+opposite_distance(V1, V2, C) :- stopping_way(V1, S1), stopping_way(V2, S2), C is S1 + S2.
 
-% needed_gap(Car, Gap): the gap that Car and the ego need between them, whichever of the two is in front.
-needed_gap(Car, Gap) :- offset(Car, S), S >= 0.0, speed(ego, V1), speed(Car, V2), required_gap(V1, V2, Gap).
+% required_gap(VRear, VFront, Gap): the distance of RSS and the room kept at standstill; VFront is below 0 if the front vehicle
+% comes towards the rear one.
+required_gap(VRear, VFront, Gap) :-
+    ( VFront < 0.0 -> V is -VFront, opposite_distance(VRear, V, C) ; critical_distance(VRear, VFront, C) ),
+    standstill_gap(D), Gap is C + D.
+
+% needed_gap(Car, Gap): the gap that Car and the ego need between them, whichever of the two is in front. One that drives away
+% from behind the ego counts as standing there.
+needed_gap(Car, Gap) :- offset(Car, S), S >= 0.0, speed(ego, V1), velocity(Car, V2), required_gap(V1, V2, Gap).
 needed_gap(Car, Gap) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), required_gap(V2, V1, Gap).
 
 % obstacle(Side, Car, Gap, Needed): Car is in the way of Side, nearer than it must be.
@@ -250,5 +272,5 @@ beside(Side, Car) :-
     Gap < D + V * T.
 
 % closing_speed(Car, V): how fast the gap between Car and the ego shrinks; 0 where it grows.
-closing_speed(Car, V) :- offset(Car, S), S >= 0.0, speed(ego, V1), speed(Car, V2), V is max(0.0, V1 - V2).
-closing_speed(Car, V) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), V is max(0.0, V2 - V1).
+closing_speed(Car, V) :- offset(Car, S), S >= 0.0, speed(ego, V1), velocity(Car, V2), V is max(0.0, V1 - V2).
+closing_speed(Car, V) :- offset(Car, S), S < 0.0, speed(ego, V1), velocity(Car, V2), V is max(0.0, V2 - V1).

@@ -17,12 +17,29 @@ speed_limit(V) :- lane(ego, Lane), road_lane(Lane, _, _, _, V).
 % free_acceleration(A): to the limit within one time step. Source: paper, Eq. for front_is_free.
 free_acceleration(A) :- speed_limit(Limit), speed(ego, V), time_step(Dt), A is (Limit - V) / Dt.
 
-% following_acceleration(Car, A): what vehicle Car in front calls for. Source: paper, Longitudinal Velocity Control; here the
-% ego may be as fast as lets it come down to the leader's speed at the required gap by comfortable braking. If it is faster, or
-% the gap is short, it gives way; no softer in any case than the braking needed.
+% following_acceleration(Car, A): what vehicle Car in front calls for.
 following_acceleration(Car, A) :-
-    busy_section(front, Car, Gap), speed(ego, V1), speed(Car, V2), required_gap(V1, V2, Required),
-    comfortable_braking(B), time_step(Dt),
+    leader(Car, Gap, V2), speed(ego, V1),
+    ( Gap > 0.0 -> follow(Gap, V1, V2, A) ; braking_limit(B), A is -B ).
+
+% A vehicle alongside whose centre is ahead, and that comes into the ego's way, is let in.
+following_acceleration(Car, A) :-
+    target_vehicle(Car), offset(Car, S), S > 0.0, place(alongside, Car, _), in_way(Car, own),
+    rear_braking(B), A is -B.
+
+% leader(Car, Gap, V): the gap to vehicle Car in front, and its speed. One that comes the other way counts as standing where it
+% comes to a stop: there may be no room before that place.
+leader(Car, Gap, V) :-
+    busy_section(front, Car, Gap0), velocity(Car, V0), oncoming_way(V0, S), Gap is Gap0 - S, V is max(0.0, V0).
+
+% oncoming_way(V, S): how far a vehicle of velocity V still comes towards the ego: not at all, if it does not drive the other way.
+oncoming_way(V, S) :- ( V < 0.0 -> V1 is -V, stopping_way(V1, S) ; S = 0.0 ).
+
+% follow(Gap, V1, V2, A): what a leader at speed V2 calls for. Source: paper, Longitudinal Velocity Control; here the ego may be
+% as fast as lets it come down to the leader's speed at the required gap by comfortable braking. If it is faster, or the gap is
+% short, it gives way; no softer in any case than the braking needed.
+follow(Gap, V1, V2, A) :-
+    required_gap(V1, V2, Required), comfortable_braking(B), time_step(Dt),
     GiveWay is min(-B, (V2 * V2 - V1 * V1) / (2 * Gap)),
     ( Gap > Required ->
         Wanted is max(GiveWay, (sqrt(V2 * V2 + 2 * B * (Gap - Required)) - V1) / Dt)
@@ -30,11 +47,6 @@ following_acceleration(Car, A) :-
     ),
     braking_needed(Gap, V1, V2, Needed), rear_braking(Sure),
     ( Needed > Sure -> A is min(Wanted, -Needed) ; A = Wanted ).
-
-% A vehicle alongside whose centre is ahead, and that comes into the ego's way, is let in.
-following_acceleration(Car, A) :-
-    target_vehicle(Car), offset(Car, S), S > 0.0, place(alongside, Car, _), in_way(Car, own),
-    rear_braking(B), A is -B.
 
 % braking_needed(Gap, V1, V2, B): the braking by which the ego, one time step from now, stops behind a leader that brakes at
 % its hardest from now on. Until it needs the braking that the ego is sure to reach, there is time to give way gently.

@@ -28,11 +28,12 @@ safe_actions(right_lane_change) :- settled, right_is_valid, right_is_safe, \+ ov
 objection(right_lane_change, would_overtake_on_the_right(Car, T)) :- overtaken_on_the_right(Car, Way, Excess), T is Way / Excess.
 
 % overtaken_on_the_right(Car, Way, Excess): Car is ahead, in the lane that the ego would leave or further left, and the ego would
-% come past it, Way further than Car and faster by Excess, in less than a stay; and it is in no queue that may be passed.
+% come past it, Way further than Car and faster by Excess, in less than a stay; and it is in no queue that may be passed. Who comes
+% the other way is not overtaken but got out of the way of.
 overtaken_on_the_right(Car, Way, Excess) :-
     on_the_left(Car), offset(Car, S), S > 0.0,
     vehicle(ego, _, _, _, _, _, Length1, _), vehicle(Car, _, _, _, _, _, Length2, _), Way is S + (Length1 + Length2) / 2,
-    speed_on_the_right(S, V1), speed(Car, V2), Excess is V1 - V2,
+    speed_on_the_right(S, V1), velocity(Car, V2), V2 >= 0.0, Excess is V1 - V2,
     stay(T), Way < Excess * T,
     \+ may_be_passed(V2, Excess).
 

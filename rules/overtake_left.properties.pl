@@ -1,7 +1,8 @@
 % overtake_left.properties.pl - what must hold in every scene where overtaking is on the left, besides most of properties.pl.
 %
-% Of properties.pl, left_is_as_right and nothing_hidden do not hold here, and should not: the law tells left from right, and what
-% a vehicle on the left forbids alone is allowed behind another one on the right. The last two properties say what is left of them.
+% Of properties.pl, left_is_as_right, nothing_hidden and oncoming_is_no_better do not hold here, and should not: the law tells left
+% from right, what a vehicle on the left forbids alone is allowed behind another one on the right, and who comes the other way is
+% not overtaken. The last two properties say what is left of the first two.
 %
 %   property(Name, Text), violates(Name)   a property, and that a scene breaks it, as in properties.pl
 
@@ -22,9 +23,11 @@ violates(only_past_a_queue) :-
     safe_actions(right_lane_change), spec_could_pass(_, 0.0),
     \+ ( spec_slow_ahead(Car1, Offset1), spec_slow_ahead(Car2, Offset2), Car1 \== Car2, Offset1 =< Offset2 ).
 
-property(back_to_the_right, 'with nobody ahead on the left, a lane change to the right is offered where one to the left would be').
+property(back_to_the_right,
+    'with nobody ahead on the left but who comes the other way, a lane change to the right is offered where one to the left would be').
 violates(back_to_the_right) :-
-    in(mirrored, safe_actions(left_lane_change)), \+ safe_actions(right_lane_change), \+ spec_ahead_on_the_left(_, _).
+    in(mirrored, safe_actions(left_lane_change)), \+ safe_actions(right_lane_change),
+    \+ ( spec_ahead_on_the_left(Car, _), spec_along(Car, _) ).
 
 property(right_is_left_at_most, 'in the mirror image, to the right no more is offered than to the left, and the speed is the same').
 violates(right_is_left_at_most) :- safe_actions(right_lane_change), \+ in(mirrored, safe_actions(left_lane_change)).
@@ -40,10 +43,10 @@ spec_ahead_on_the_left(Car, Offset) :-
     vehicle(Car, Lane, _, Y, _, _, _, _), Car \== ego, road_lane(Lane, Direction, _, _, _),
     spec_to_side(right, Y, D), D =< Width0 / 2, spec_gap(Car, Offset, _), Offset > 0.0.
 
-% spec_could_pass(Car, Excess): within 20 s the ego could be past Car on the right, faster by more than Excess, at the limit of
+% spec_could_pass(Car, Excess): within 20 s the ego could be past Car, which drives its way, on the right, faster by more than Excess, at the limit of
 % the lane there: whatever is ahead in that lane, and no further than Car, is fast enough for that.
 spec_could_pass(Car, Excess) :-
-    spec_ahead_on_the_left(Car, Offset), spec_speed(Car, V),
+    spec_ahead_on_the_left(Car, Offset), spec_along(Car, V),
     vehicle(ego, _, _, _, _, _, Length0, _), vehicle(Car, _, _, _, _, _, Length, _), Way is Offset + (Length0 + Length) / 2,
     spec_limit_on_the_right(Limit), (Limit - V) * 20.0 > Way, Limit - V > Excess,
     \+ ( spec_claims(Other, right), spec_gap(Other, Offset1, _), Offset1 > 0.0, Offset1 =< Offset,

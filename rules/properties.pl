@@ -38,6 +38,14 @@ violates(critical_distance_back) :-
     spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset < 0.0,
     spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V2, V1, Critical), Gap < Critical.
 
+property(opposite_distance,
+    'no lane change is offered with a vehicle that comes the other way in the target lane within the distance for opposite directions').
+violates(opposite_distance) :-
+    spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), spec_comes_too_near(Car, Offset, Gap).
+
+property(oncoming_is_no_better, 'a vehicle that comes the other way forbids every lane change that it would forbid if it stood').
+violates(oncoming_is_no_better) :- safe_actions(Action), \+ in(standing, safe_actions(Action)).
+
 property(nothing_hidden, 'a vehicle that alone would forbid a lane change forbids it among others too').
 violates(nothing_hidden) :- safe_actions(Action), \+ in(alone, safe_actions(Action)).
 
@@ -49,7 +57,7 @@ violates(lane_to_keep) :- \+ lane_to_keep(_).
 violates(lane_to_keep) :-
     lane_to_keep(Lane), target_lane(Target), vehicle(ego, Home, _, _, _, _, _, _), Lane =\= Target, Lane =\= Home.
 
-property(safe_entry, 'the ego never comes onto the road alongside a vehicle of its lane, or within a critical distance').
+property(safe_entry, 'the ego never comes onto the road alongside a vehicle of its lane, or within one of these distances').
 violates(safe_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), spec_too_near(Car, Offset, Gap).
 
 % ------------------------------------------------------------------------------------------------------- speed
@@ -64,11 +72,10 @@ property(acceleration_in_limits, 'the target speed is never above what the ego c
 violates(acceleration_in_limits) :-
     longitudinal_velocity(V), spec_speed(ego, V0), acceleration_limit(A), time_step(Dt), V > V0 + A * Dt.
 
-property(gives_way, 'with a vehicle ahead within the critical distance the target speed is below the ego''s, or 0').
+property(gives_way, 'with a vehicle ahead within the distance for its direction the target speed is below the ego''s, or 0').
 violates(gives_way) :-
     longitudinal_velocity(V), V > 0.0, spec_speed(ego, V1), V >= V1,
-    spec_in_path(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, Gap > 0.0,
-    spec_speed(Car, V2), spec_critical(V1, V2, Critical), Gap < Critical.
+    spec_in_path(Car), spec_gap(Car, Offset, Gap), Gap > 0.0, spec_too_near(Car, Offset, Gap), Offset > 0.0.
 
 property(nobody_overlooked, 'the target speed is not above the one that each vehicle alone calls for').
 violates(nobody_overlooked) :- longitudinal_velocity(V), in(alone, longitudinal_velocity(V1)), V > V1.
@@ -106,6 +113,10 @@ image(mirrored, vehicle(Id, Lane, X, Y1, Vx, Vy1, Length, Width),
     ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), Y1 is -Y, Vy1 is -Vy )).
 image(mirrored, road_lane(Lane, Direction, Y1, Width, Limit),
     ( road_lane(Lane, Direction, Y, Width, Limit), Y1 is -Y )).
+
+% standing: all that come the other way stand.
+image(standing, vehicle(Id, Lane, X, Y, Vx1, Vy, Length, Width),
+    ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), spec_sign(Sign), Vx1 is Sign * max(0.0, Sign * Vx) )).
 
 % turned: seen from the other side of the road.
 image(turned, vehicle(Id, Lane, X1, Y1, Vx1, Vy1, Length, Width),

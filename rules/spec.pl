@@ -50,17 +50,35 @@ spec_gap(Car, Offset, Gap) :-
     vehicle(ego, _, X0, _, _, _, Length0, _), vehicle(Car, _, X, _, _, _, Length, _), spec_sign(Sign),
     Offset is Sign * (X - X0), Gap is abs(Offset) - (Length0 + Length) / 2.
 
-% spec_speed(Car, V): in the ego's direction, 0 for one that comes the other way.
-spec_speed(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), spec_sign(Sign), V is max(0.0, Sign * Vx).
+% spec_velocity(Car, V), spec_speed(Car, V): in the ego's direction; of one that comes the other way, below 0 and 0.
+spec_velocity(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), spec_sign(Sign), V is Sign * Vx.
+spec_speed(Car, V) :- spec_velocity(Car, V0), V is max(0.0, V0).
 
-% spec_critical(Rear, Front, D): the least safe gap. Source: RSS (Shalev-Shwartz et al. 2017), Definition 1, with a response
-% time of 0.35 s, 3 m/s2 in it, then braking at 6 m/s2 behind a front vehicle that brakes at 8 m/s2.
-spec_critical(Rear, Front, D) :-
-    D is Rear * 0.35 + 3.0 * 0.35 * 0.35 / 2 + (Rear + 3.0 * 0.35) * (Rear + 3.0 * 0.35) / (2 * 6.0) - Front * Front / (2 * 8.0).
+% spec_along(Car, V): Car stands or drives in the ego's direction, as fast as V.
+spec_along(Car, V) :- spec_velocity(Car, V0), V0 >= 0.0, spec_speed(Car, V).
 
-% spec_too_near(Car, Offset, Gap): Car is alongside, or within the critical distance of whichever is behind.
+% spec_coming(Car, V): Car comes the other way, as fast as V.
+spec_coming(Car, V) :- spec_velocity(Car, V0), V0 < 0.0, V is -V0.
+
+% spec_rear_stop(V, S): the farthest way until a vehicle stands, with a response time of 0.35 s, 3 m/s2 in it, then braking at
+% 6 m/s2.
+spec_rear_stop(V, S) :- S is V * 0.35 + 3.0 * 0.35 * 0.35 / 2 + (V + 3.0 * 0.35) * (V + 3.0 * 0.35) / (2 * 6.0).
+
+% spec_critical(Rear, Front, D): the least safe gap behind a front vehicle that brakes at 8 m/s2. Source: RSS (Shalev-Shwartz et
+% al. 2017), Definition 1.
+spec_critical(Rear, Front, D) :- spec_rear_stop(Rear, S), D is S - Front * Front / (2 * 8.0).
+
+% spec_opposite(V1, V2, D): the least safe gap between two that come towards each other. Source: RSS, Definition 2.
+spec_opposite(V1, V2, D) :- spec_rear_stop(V1, S1), spec_rear_stop(V2, S2), D is S1 + S2.
+
+% spec_too_near(Car, Offset, Gap): Car is alongside, or within the critical distance of whichever is behind, or comes too near.
 spec_too_near(_, _, Gap) :- Gap =< 0.0.
 spec_too_near(Car, Offset, Gap) :-
     Offset > 0.0, spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V1, V2, Critical), Gap < Critical.
 spec_too_near(Car, Offset, Gap) :-
     Offset < 0.0, spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V2, V1, Critical), Gap < Critical.
+spec_too_near(Car, Offset, Gap) :- spec_comes_too_near(Car, Offset, Gap).
+
+% spec_comes_too_near(Car, Offset, Gap): Car, ahead, comes towards the ego within the distance for opposite directions.
+spec_comes_too_near(Car, Offset, Gap) :-
+    Offset > 0.0, spec_speed(ego, V1), spec_coming(Car, V2), spec_opposite(V1, V2, Distance), Gap < Distance.

@@ -1,7 +1,8 @@
 % un_r157.properties.pl - what must hold in every scene with the critical distance of un_r157.pl, besides most of properties.pl.
 %
 % Of properties.pl, critical_distance_front, critical_distance_back, safe_entry and gives_way do not hold here, and should not:
-% they ask for the distance of RSS. The properties below say the same of the one of UN R157, and what it is good for.
+% they ask for the distance of RSS. The properties below say the same of the one of UN R157, and what it is good for. UN R157 speaks
+% of vehicles that drive the same way; to one that comes the other way the distance of RSS is kept (opposite_distance).
 % property/2 and violates/1 are as in properties.pl, unknown/4 as in dynamics.pl.
 
 :- ensure_loaded('properties.pl').
@@ -28,7 +29,8 @@ violates(r157_back) :-
     spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), Offset < 0.0,
     spec_speed(Car, V1), spec_speed(ego, V2), spec_collides_too_soon(Gap, V1, V2).
 
-property(r157_entry, 'the ego never comes onto the road alongside a vehicle of its lane, or at less than that time').
+property(r157_entry,
+    'the ego never comes onto the road alongside a vehicle of its lane, at less than that time, or before one that comes too near').
 violates(r157_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, _, Gap), Gap =< 0.0.
 violates(r157_entry) :-
     entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), Offset > 0.0,
@@ -36,12 +38,17 @@ violates(r157_entry) :-
 violates(r157_entry) :-
     entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), Offset < 0.0,
     spec_speed(Car, V1), spec_speed(ego, V2), spec_collides_too_soon(Gap, V1, V2).
+violates(r157_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), spec_comes_too_near(Car, Offset, Gap).
 
-property(r157_gives_way, 'with a vehicle ahead at less than that time the target speed is below the ego''s, or 0').
+property(r157_gives_way,
+    'with a vehicle ahead at less than that time, or that comes the other way too near, the target speed is below the ego''s, or 0').
 violates(r157_gives_way) :-
     longitudinal_velocity(V), V > 0.0, spec_speed(ego, V1), V >= V1,
     spec_in_path(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, Gap > 0.0,
     spec_speed(Car, V2), spec_collides_too_soon(Gap, V1, V2).
+violates(r157_gives_way) :-
+    longitudinal_velocity(V), V > 0.0, spec_speed(ego, V1), V >= V1,
+    spec_in_path(Car), spec_gap(Car, Offset, Gap), Gap > 0.0, spec_comes_too_near(Car, Offset, Gap).
 
 property(r157_is_enough, 'from a gap above the critical distance there is no contact while the vehicle in front keeps its speed').
 violates(r157_is_enough) :-

@@ -1,4 +1,4 @@
-"""Hypothesis strategies for scenes: two to six lanes, both directions, touching boxes, equal places."""
+"""Hypothesis strategies for scenes: two to six lanes, both directions, touching boxes, wrong ways."""
 
 from __future__ import annotations
 
@@ -54,7 +54,10 @@ def roads(draw: st.DrawFn) -> Road:
 
 @st.composite
 def vehicles(draw: st.DrawFn, name: str, on: Road, ego: Vehicle) -> Vehicle:
-    """A vehicle near the ego: anywhere, bumper to bumper, at the same place, or at the end of the range."""
+    """A vehicle near the ego: anywhere, bumper to bumper, at the same place, or at the end of the range.
+
+    One in five drives against its lane's direction.
+    """
     lane = draw(st.sampled_from(on.lanes))
     length = draw(st.sampled_from([4.0, 4.6, 12.0]))
     touching = (ego.length + length) / 2
@@ -68,13 +71,14 @@ def vehicles(draw: st.DrawFn, name: str, on: Road, ego: Vehicle) -> Vehicle:
     )
     shift = draw(st.one_of(st.just(0.0), st.floats(-2.0, 2.0, allow_nan=False)))
     speed = draw(st.one_of(st.sampled_from([0.0, abs(ego.vx)]), st.floats(0.0, 45.0, allow_nan=False)))
+    wrong_way = draw(st.integers(0, 4)) == 0
     y = lane.centre + shift
     return Vehicle(
         name,
         on.lane_at(y),
         ego.x + offset,
         y,
-        lane.direction.sign * speed,
+        lane.direction.sign * (-speed if wrong_way else speed),
         draw(st.one_of(st.just(0.0), st.floats(-1.5, 1.5, allow_nan=False))),
         length,
         draw(st.sampled_from([1.8, 1.9, 2.5])),

@@ -23,11 +23,21 @@ SECTIONS = {
 }
 
 
+def stopping_way(speed: float) -> float:
+    """RSS: how far a vehicle comes that speeds up until it responds, and then brakes as it must."""
+    reached = speed + RESPONSE_ACCELERATION * RESPONSE_TIME
+    responding = speed * RESPONSE_TIME + RESPONSE_ACCELERATION * RESPONSE_TIME * RESPONSE_TIME / 2
+    return responding + reached * reached / (2 * REAR_BRAKING)
+
+
 def critical_distance(rear: float, front: float) -> float:
     """RSS, Definition 1."""
-    reached = rear + RESPONSE_ACCELERATION * RESPONSE_TIME
-    responding = rear * RESPONSE_TIME + RESPONSE_ACCELERATION * RESPONSE_TIME * RESPONSE_TIME / 2
-    return max(0.0, responding + reached * reached / (2 * REAR_BRAKING) - front * front / (2 * FRONT_BRAKING))
+    return max(0.0, stopping_way(rear) - front * front / (2 * FRONT_BRAKING))
+
+
+def opposite_distance(one: float, other: float) -> float:
+    """RSS, Definition 2."""
+    return stopping_way(one) + stopping_way(other)
 
 
 @dataclass(frozen=True)
@@ -56,8 +66,11 @@ class Oracle:
     def sign(self) -> int:
         return self.lane.direction.sign
 
+    def velocity(self, car: Vehicle) -> float:
+        return self.sign * car.vx
+
     def speed(self, car: Vehicle) -> float:
-        return max(0.0, self.sign * car.vx)
+        return max(0.0, self.velocity(car))
 
     def targets(self) -> list[Vehicle]:
         ego = self.ego
@@ -107,9 +120,11 @@ class Oracle:
         return bool(self.section(name))
 
     def needed_gap(self, car: Vehicle) -> float:
-        own, other = self.speed(self.ego), self.speed(car)
-        rear, front = (own, other) if self.offset(car) >= 0 else (other, own)
-        return critical_distance(rear, front) + STANDSTILL
+        own, other = self.speed(self.ego), self.velocity(car)
+        if self.offset(car) < 0:
+            return critical_distance(self.speed(car), own) + STANDSTILL
+        distance = opposite_distance(own, -other) if other < 0 else critical_distance(own, other)
+        return distance + STANDSTILL
 
     def obstacles(self, side: str) -> list[Vehicle]:
         return [
@@ -138,7 +153,7 @@ class Oracle:
 
     def beside(self, side: str) -> bool:
         for car in self.targets():
-            own, other = self.speed(self.ego), self.speed(car)
+            own, other = self.speed(self.ego), self.velocity(car)
             closing = max(0.0, own - other if self.offset(car) >= 0 else other - own)
             if self.in_way(car, side) and self.gap(car) < STANDSTILL + closing * SIDE_TIME:
                 return True
@@ -155,7 +170,12 @@ class Oracle:
         wanted = [(self.lane.speed_limit - own) / road.time_step]
         for car in self.section("front"):
             gap, other = self.gap(car), self.speed(car)
-            needed = self.needed_gap(car)
+            if self.velocity(car) < 0:
+                gap -= stopping_way(-self.velocity(car))
+            if gap <= 0:
+                wanted.append(-road.braking_limit)
+                continue
+            needed = critical_distance(own, other) + STANDSTILL
             give_way = min(-COMFORT, (other * other - own * own) / (2 * gap))
             if gap > needed:
                 fastest = math.sqrt(other * other + 2 * COMFORT * (gap - needed))

@@ -20,16 +20,38 @@ R157, R157_PROPERTIES = RULES / "un_r157.pl", RULES / "un_r157.properties.pl"
 CASES = (Case(0, 2, 1, 1),)
 
 SLIPS = {
-    "a wrong sign": ("keeps_apart_ahead", "(VRear + A * T) * (VRear", "(VRear - A * T) * (VRear"),
+    "a wrong sign": ("keeps_apart_ahead", "(V + A * T) * (V", "(V - A * T) * (V"),
     "a wrong sign, seen in the distance": ("distance_is_least", "- VFront * VFront", "+ VFront * VFront"),
-    "half the braking": ("keeps_apart_behind", "/ (2 * BRear)", "/ (4 * BRear)"),
-    "half the braking, seen in the distance": ("distance_is_enough", "/ (2 * BRear)", "/ (4 * BRear)"),
-    "the response is forgotten": ("keeps_apart_ahead", "VRear * T + A * T * T / 2 + ", ""),
+    "half the braking": ("keeps_apart_behind", "(V + A * T) / (2 * B)", "(V + A * T) / (4 * B)"),
+    "half the braking, seen in the distance": (
+        "distance_is_enough",
+        "(V + A * T) / (2 * B)",
+        "(V + A * T) / (4 * B)",
+    ),
+    "the response is forgotten": ("keeps_apart_ahead", "V * T + A * T * T / 2 + ", ""),
     "the response is forgotten, seen in the distance": (
         "distance_is_enough",
-        "VRear * T + A * T * T / 2 + ",
+        "V * T + A * T * T / 2 + ",
         "",
     ),
+    "who comes the other way stands": (
+        "keeps_apart_oncoming",
+        "velocity(Car, V2), required_gap",
+        "speed(Car, V2), required_gap",
+    ),
+    "who comes the other way does not come nearer": (
+        "can_stop_before_oncoming",
+        "Gap is Gap0 - S",
+        "Gap is Gap0 - S + S",
+    ),
+    "only one of two stops": ("opposite_is_enough", "C is S1 + S2", "C is S1"),
+    "more than the two need": ("opposite_is_least", "C is S1 + S2", "C is 0.1 + S1 + S2"),
+    "gently where there is no room": (
+        "brakes_fully_where_it_cannot",
+        "braking_limit(B), A is -B",
+        "comfortable_braking(B), A is -B",
+    ),
+    "giving way the softer the nearer": ("nearer_is_no_softer", "/ (2 * Gap))", "* (2 * Gap))"),
     "more than is needed": ("distance_is_least", "C is max(0.0,", "C is 0.1 + max(0.0,"),
     "no room at standstill": ("keeps_apart_ahead", "Gap is C + D", "Gap is C - D + D"),
     "a front vehicle that brakes softly": ("can_stop_at_entry", "front_braking(8.0)", "front_braking(4.0)"),

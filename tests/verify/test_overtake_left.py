@@ -14,7 +14,7 @@ from drlsl.verify.report import Request, verify
 RULES = default_rules()[0].parent
 LEFT, PROPERTIES = RULES / "overtake_left.pl", RULES / "overtake_left.properties.pl"
 CASES = (Case(0, 2, 1, 1), Case(0, 3, 2, 2), Case(1, 2, 2, 2))
-NOT_MEANT = {"left_is_as_right", "nothing_hidden"}
+NOT_MEANT = {"left_is_as_right", "nothing_hidden", "oncoming_is_no_better"}
 OWN = (
     "no_overtaking_on_the_right",
     "slowly_past_a_queue",
@@ -33,6 +33,7 @@ SLIPS = {
         "no_overtaking_on_the_right",
         {"offset(Leader, S1), S1 =< S ->": "true ->"},
     ),
+    "vehicles that come the other way count": ("back_to_the_right", {"V2 >= 0.0, ": ""}),
     "km/h taken for m/s": ("no_overtaking_on_the_right", {"V is 60 / 3.6": "V is 60"}),
     "a queue may be passed at any speed": ("slowly_past_a_queue", {"V is 20 / 3.6": "V is 200 / 3.6"}),
     "one vehicle is a queue": ("only_past_a_queue", {"Gap2 > Gap1": "Gap2 >= Gap1"}),

@@ -55,13 +55,21 @@ MUTANTS = {
             "\\+ ( once(( target_vehicle(C), in_way(C, left) )), obstacle(left, C, _, _) )."
         },
     ),
+    "who comes the other way counts as standing": (
+        "opposite_distance",
+        {"velocity(Car, V2), required_gap": "speed(Car, V2), required_gap"},
+    ),
+    "who comes the other way does not count": (
+        "oncoming_is_no_better",
+        {"V is -VFront, opposite_distance(VRear, V, C)": "C is 0.0"},
+    ),
     "wrong unit: km/h taken for m/s": (
         "critical_distance_back",
-        {"V is max(0.0, Sign * Vx).": "V is max(0.0, Sign * Vx) / 3.6."},
+        {"V is Sign * Vx.": "V is Sign * Vx / 3.6."},
     ),
     "wrong unit: m/s taken for km/h": (
         "acceleration_in_limits",
-        {"V is max(0.0, Sign * Vx).": "V is max(0.0, Sign * Vx) * 3.6."},
+        {"V is Sign * Vx.": "V is Sign * Vx * 3.6."},
     ),
 }
 
