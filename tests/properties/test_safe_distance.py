@@ -1,4 +1,4 @@
-"""The critical distance of highway.pl beside that of ad-rss-lib, the C++ implementation of RSS by Intel."""
+"""The safe distances of highway.pl beside those of ad-rss-lib, the C++ implementation of RSS by Intel."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ FASTEST = 98.0
 SPEEDS = Relation("speeds", ("float", "float"), single=True)
 
 
-def lowered(engine: Engine) -> Lowered:
-    engine.consult_text(
-        ":- dynamic(speeds/2). asked(C) :- speeds(Rear, Front), critical_distance(Rear, Front, C)."
-    )
+PREDICATES = ("critical_distance", "opposite_distance")
+
+
+def lowered(engine: Engine, predicate: str) -> Lowered:
+    engine.consult_text(f":- dynamic(speeds/2). asked(C) :- speeds(One, Other), {predicate}(One, Other, C).")
     return lower(engine, Schema([*SCHEMA.relations.values(), SPEEDS]), [Query("asked", 1, "first")])
 
 
 def random_speeds(count: int) -> tuple[Floats, Floats]:
-    """Speeds behind and in front; some stand, some are as fast as each other."""
+    """Speeds behind and in front, or of two that meet; some stand, some are as fast as each other."""
     rng = np.random.default_rng(5)
     rear, front = rng.uniform(0.0, FASTEST, (2, count))
     rear[::20], front[7::20] = 0.0, 0.0
@@ -84,16 +85,21 @@ def object_of_ad_rss() -> Any:
     return vehicle
 
 
-def oracle() -> Callable[[float, float], float]:
-    """The safe distance of ad-rss-lib for a speed behind and one in front.
+def oracle(predicate: str) -> Callable[[float, float], float]:
+    """The safe distance of ad-rss-lib for a speed behind and one in front, or for two that meet.
 
-    It leaves what is less than a millimetre below 0 as it is, and makes 0 of what is further below.
+    It leaves what is less than a millimetre below 0 as it is, and makes 0 of what is further below. Both of
+    two that meet have a positive speed.
     """
     behind, in_front, distance = object_of_ad_rss(), object_of_ad_rss(), ad_rss.physics.Distance(0.0)
     behind_velocity = behind.structured_object_state.velocity
     front_velocity = in_front.structured_object_state.velocity
     speed = ad_rss.physics.Speed
-    calculate = ad_rss.rss.structured.calculateSafeLongitudinalDistanceSameDirection
+    formulas = ad_rss.rss.structured
+    calculate = {
+        "critical_distance": formulas.calculateSafeLongitudinalDistanceSameDirection,
+        "opposite_distance": formulas.calculateSafeLongitudinalDistanceOppositeDirection,
+    }[predicate]
 
     def safe_distance(rear: float, front: float) -> float:
         behind_velocity.speed_lon_min = behind_velocity.speed_lon_max = speed(rear)
@@ -104,8 +110,8 @@ def oracle() -> Callable[[float, float], float]:
     return safe_distance
 
 
-def by_ad_rss(rear: Floats, front: Floats) -> Floats:
-    return np.array(list(map(oracle(), rear.tolist(), front.tolist())))
+def by_ad_rss(predicate: str, rear: Floats, front: Floats) -> Floats:
+    return np.array(list(map(oracle(predicate), rear.tolist(), front.tolist())))
 
 
 @pytest.fixture
@@ -115,26 +121,32 @@ def engine() -> Engine:
     return engine
 
 
-def test_arrays_have_the_safe_distance_of_ad_rss(engine: Engine) -> None:
+@pytest.mark.parametrize("predicate", PREDICATES)
+def test_arrays_have_the_safe_distance_of_ad_rss(engine: Engine, predicate: str) -> None:
     rear, front = random_speeds(100_000)
-    result = compile_numpy(lowered(engine))({("speeds", 2): Rows([rear, front])})
+    result = compile_numpy(lowered(engine, predicate))({("speeds", 2): Rows([rear, front])})
     assert not result.undecided.any()
     distances = result.answers[0].value
-    assert np.abs(distances - by_ad_rss(rear, front)).max() <= 1e-9
-    assert 0.1 < np.mean(distances == 0.0) < 0.6  # both kinds of answers are there
+    assert np.abs(distances - by_ad_rss(predicate, rear, front)).max() <= 1e-9
+    if predicate == "critical_distance":
+        assert 0.1 < np.mean(distances == 0.0) < 0.6  # both kinds of answers are there
 
 
-def test_interpreter_and_scalar_code_have_the_safe_distance_of_ad_rss(engine: Engine) -> None:
-    answer = compile_scalar(lowered(engine))
+@pytest.mark.parametrize("predicate", PREDICATES)
+def test_interpreter_and_scalar_code_have_the_safe_distance_of_ad_rss(engine: Engine, predicate: str) -> None:
+    answer = compile_scalar(lowered(engine, predicate))
     rear, front = random_speeds(2_000)
-    for one, other, expected in zip(rear.tolist(), front.tolist(), by_ad_rss(rear, front), strict=True):
-        solution = engine.once(f"critical_distance({one!r}, {other!r}, C)")
+    distances = by_ad_rss(predicate, rear, front).tolist()
+    for one, other, expected in zip(rear.tolist(), front.tolist(), distances, strict=True):
+        solution = engine.once(f"{predicate}({one!r}, {other!r}, C)")
         assert solution is not None
         assert solution["C"] == pytest.approx(expected, abs=1e-9)
         assert answer({("speeds", 2): [(one, other)]})[0] == solution["C"]
 
 
 def test_a_wrong_sign_would_be_noticed() -> None:
-    assert oracle()(30.0, 28.0) == pytest.approx(42.025625)
-    assert oracle()(30.0, 28.0) < oracle()(30.0, 27.0)
-    assert oracle()(0.0, 70.0) == 0.0
+    same, opposite = map(oracle, PREDICATES)
+    assert same(30.0, 28.0) == pytest.approx(42.025625)
+    assert same(30.0, 28.0) < same(30.0, 27.0)
+    assert same(0.0, 70.0) == 0.0
+    assert opposite(30.0, 40.0) == opposite(40.0, 30.0) == pytest.approx(245.634583)
