@@ -7,34 +7,94 @@ Lists are ``Struct(".", (head, tail))`` cells that end in the atom ``[]``; the c
 
 from __future__ import annotations
 
+import threading
+import weakref
 from collections.abc import Iterable
 from typing import Final, TypeAlias
 
 
 class Atom:
-    """An interned symbol: two atoms of one name are the same object.
+    """An interned symbol: while an atom is in use, every atom of its name is the same object.
 
-    Atoms are immutable, so engines share them without sharing any state.
+    Atoms are immutable, so engines share them without sharing any state. Those that nothing refers to are
+    freed some time later; whoever remembers the `id` of an atom must keep the atom too.
     """
 
-    __slots__ = ("name",)
+    __slots__ = ("__weakref__", "name")
 
     name: str
-    _table: dict[str, Atom] = {}  # noqa: RUF012  (the intern table: grows only, never changes an entry)
 
     def __new__(cls, name: str) -> Atom:
-        known = cls._table.get(name)
-        if known is not None:
-            return known
-        atom = super().__new__(cls)
-        atom.name = name
-        return cls._table.setdefault(name, atom)
+        known = _KNOWN.get(name)
+        return known if known is not None else _TABLE.intern(name)
 
     def __repr__(self) -> str:
         return f"Atom({self.name!r})"
 
     def __reduce__(self) -> tuple[type[Atom], tuple[str]]:
         return Atom, (self.name,)
+
+
+# An atom and its place in the table [bytes], without the characters of its name.
+_ATOM_BYTES: Final = 150
+# So many bytes of new atoms are not worth a sweep.
+_FEW_BYTES: Final = 1 << 20
+# How much larger new atoms may become than those that were in use at the last sweep.
+_GROWTH: Final = 3
+
+
+class _AtomTable:
+    """The atoms by their names: all that are in use, and not many more that are not.
+
+    `known` refers to atoms as anybody else does, so that looking one up costs no more than that. When those
+    that are new since the last sweep need some times the memory of those that were in use then, the next
+    sweep lets go of all and takes back those that are still there.
+    """
+
+    def __init__(self) -> None:
+        self.known: dict[str, Atom] = {}
+        self._passing: dict[str, weakref.ref[Atom]] = {}
+        # Reentrant, since what is finalised during a sweep may ask for an atom.
+        self._lock = threading.RLock()
+        self._is_sweeping = False
+        self._new_bytes = 0
+        self._most_bytes = _FEW_BYTES
+
+    def intern(self, name: str) -> Atom:
+        """The atom of a name that is not among the known ones, or was not a moment ago."""
+        with self._lock:
+            passing = self._passing.get(name)
+            atom = None if passing is None else passing()
+            if atom is None:
+                atom = object.__new__(Atom)
+                atom.name = name
+            atom = self.known.setdefault(name, atom)
+            self._new_bytes += _ATOM_BYTES + len(name)
+            if self._new_bytes > self._most_bytes and not self._is_sweeping:
+                self._sweep()
+            return atom
+
+    def _sweep(self) -> None:
+        """Forget the atoms that nothing else refers to; at every moment each other one can be found."""
+        self._is_sweeping = True
+        try:
+            self._passing.update((name, weakref.ref(atom)) for name, atom in self.known.copy().items())
+            for name in self._passing:
+                self.known.pop(name, None)
+            for name, passing in self._passing.items():
+                atom = passing()
+                if atom is not None:
+                    self.known.setdefault(name, atom)
+            self._passing.clear()
+            self._new_bytes = 0
+            in_use = _ATOM_BYTES * len(self.known) + sum(map(len, self.known.copy()))
+            self._most_bytes = max(_FEW_BYTES, _GROWTH * in_use)
+        finally:
+            self._is_sweeping = False
+
+
+_TABLE: Final = _AtomTable()
+_KNOWN: Final = _TABLE.known
 
 
 class Var:
