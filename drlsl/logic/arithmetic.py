@@ -23,7 +23,7 @@ from drlsl.logic.integers import (
     check_power,
     check_product,
 )
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
 
 if TYPE_CHECKING:
     from drlsl.logic.builtins.registry import Machine
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 Number: TypeAlias = int | float
 
 _NESTED: Final = 150
+_FEW_NESTED: Final = 8
+_STEPS_OF_OPERATION: Final = 3
+# After so many steps, a long walk makes sure once that the term has an end.
+_LONG: Final = 10_000
 
 
 def evaluate(term: Term, machine: Machine, nested: int = 0) -> Number:
@@ -54,8 +58,11 @@ def evaluate(term: Term, machine: Machine, nested: int = 0) -> Number:
     if kind is not Struct:
         return _evaluate_constant(term, machine)
     assert type(term) is Struct
-    if nested > _NESTED:
-        return _evaluate_deep(term, machine)
+    if nested > _FEW_NESTED:
+        # Parts that are shared are evaluated each time: a term of a few cells may be long in doing so.
+        machine.meter.spend(_STEPS_OF_OPERATION)
+        if nested > _NESTED:
+            return _evaluate_deep(term, machine)
     args = term.args
     if len(args) == 2:
         binary = BINARY.get(term.name)
@@ -102,10 +109,19 @@ def _modular_power(base: int, exponent: int, modulus: int, machine: Machine) -> 
 
 
 def _evaluate_deep(root: Struct, machine: Machine) -> Number:
-    """`evaluate` with its own stack, for expressions nested deeper than Python's."""
+    """`evaluate` with its own stack, for expressions nested deeper than Python's.
+
+    Raises:
+        CyclicTerm: The expression has no end.
+    """
     values: list[Number] = []
     todo: list[tuple[Term, bool]] = [(root, False)]
+    steps = 0
     while todo:
+        steps += 1
+        machine.meter.spend(_STEPS_OF_OPERATION)
+        if steps == _LONG and not is_acyclic(root):
+            raise CyclicTerm("the expression contains itself")
         term, ready = todo.pop()
         term = deref(term)
         if type(term) is not Struct:

@@ -196,7 +196,8 @@ class _Writer:
         elif isinstance(term, float):
             self._emit(format_float(term))
         else:
-            self._emit(_quote(term, '"') if style.quoted else term)
+            text = term[:_LONG] if self.most else term
+            self._emit(_quote(text, '"') if style.quoted else text)
 
     def _operand(self, term: Term, priority: int, depth: int) -> _Task:
         """The task of writing an operand; an atom that is an operator stands in brackets there (6.3.1.3)."""

@@ -25,6 +25,8 @@ twice(0, A, A) :- !.
 twice(N, A, R) :- M is N - 1, atom_concat(A, A, B), twice(M, B, R).
 strings(0, S, S) :- !.
 strings(N, S, R) :- M is N - 1, string_concat(S, S, T), strings(M, T, R).
+doubled(0, T, T) :- !.
+doubled(N, T, R) :- M is N - 1, doubled(M, T + T, R).
 power(0, X, X) :- !.
 power(N, X, R) :- M is N - 1, Y is X * X, power(M, Y, R).
 adds(0, _) :- !.
@@ -44,6 +46,10 @@ lonely :- atom_length(abc, N), N > 3.
 """
 
 
+# The goals about strings are read with this.
+STRINGS: Final = ":- set_prolog_flag(double_quotes, string).\n"
+
+
 @dataclass(frozen=True)
 class Case:
     """A hostile goal; `program` is loaded before, and `compiled` says whether hot code is compiled."""
@@ -52,8 +58,6 @@ class Case:
     goal: str
     program: str = PROGRAM
     compiled: bool = True
-    prepared: bool = False
-    """Whether loading the program itself is what is hostile."""
 
 
 _WHOLE: Final = """
@@ -268,6 +272,10 @@ shared(T), throw(T)
 shared(T), catch(throw(T), U, true)
 shared(T), atom_length(T, N)
 shared(T), X is T
+doubled(30, 1, T), X is T
+doubled(300, 1, T), X is T
+doubled(300, 1.0, T), T > 1
+doubled(300, V, T), V = 1, T =:= T
 shared(T), call(T)
 shared(T), length(T, N)
 shared(T), msort([T, T, a], L)
@@ -407,15 +415,16 @@ def goals() -> list[Case]:
     cases: list[Case] = []
     lines = [line for line in _WHOLE.strip().split("\n") if line]
     for number, line in enumerate(lines):
-        cases.append(Case(line, line))
+        program = PROGRAM + STRINGS if line.startswith("strings(") else PROGRAM
+        cases.append(Case(line, line, program))
         if number % 4 == 0:
             around = _AROUND[number // 4 % len(_AROUND)].format(line)
-            cases.append(Case(around, around, compiled=number % 8 == 0))
+            cases.append(Case(around, around, program, compiled=number % 8 == 0))
     return cases
 
 
 def _file(name: str, text: str, goal: str = "true") -> Case:
-    return Case(f"file: {name}", goal, text, prepared=True)
+    return Case(f"file: {name}", goal, text)
 
 
 def files() -> list[Case]:
