@@ -171,10 +171,11 @@ violates(brakes_fully_where_it_cannot) :-
     spec_leader(Car, Gap, Room, V2), \+ spec_can_stop(Room, V1, V2),
     in(alone, longitudinal_velocity(Most)), time_step(Dt), Most > max(0.0, V1 - 8.0 * Dt).
 
-property(nearer_is_no_softer, 'the nearer the place where a vehicle stands, or will stop, the harder the braking that it calls for, or as hard').
+property(nearer_is_no_softer,
+    'the nearer the place where a vehicle stands, or will stop, if at least 1 mm away, the harder the braking, as far as brakes go').
 violates(nearer_is_no_softer) :-
-    rear_speed(V), gap_between(Gap), Gap > 0.0, farther_gap(Farther), Farther > Gap,
-    follow(Gap, V, 0.0, A), follow(Farther, V, 0.0, A1), A > A1.
+    rear_speed(V), gap_between(Gap), Gap > 0.001, farther_gap(Farther), Farther > Gap,
+    follow(Gap, V, 0.0, A), follow(Farther, V, 0.0, A1), max(-8.0, A) > max(-8.0, A1).
 
 property(can_stop_after_full_braking,
     'behind a vehicle ahead where it can stop now, the ego still can after a step of full braking').
