@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from drlsl.errors import UserError
+from drlsl.logic.consult import LARGEST_FILE
 from drlsl.logic.values import to_plain
-
-LARGEST_FILE: Final = 64 * 2**20
-"""Bytes of the largest file that is read as text: a device that never ends is refused after so many."""
 
 MOST_DIGITS: Final = 400
 """Digits of the longest integer in JSON: no float is as large as one with more."""

@@ -28,6 +28,7 @@ _DEEPEST_PATTERN: Final = 60
 _LARGEST_PATTERN: Final = 2_000
 # A pattern that would make more cells than this, each time that its clause is used, is refused.
 _MOST_CELLS: Final = 2_000_000
+_STEPS_OF_SHELL: Final = 10
 _OPAQUE: Final = frozenset({"call", "once", "ignore", "\\+", "not"})
 _FAIL: Final = Atom("fail")
 _CONNECTIVES: Final = frozenset({",", ";", "->", "*->"})
@@ -171,9 +172,10 @@ class Slots:
     The arguments of a call lie in the frame's first slots, so a variable that is one needs no other.
     """
 
-    __slots__ = ("_locals", "_reusable", "_reuser", "left", "size")
+    __slots__ = ("_locals", "_reusable", "_reuser", "left", "meter", "size")
 
-    def __init__(self, args: Sequence[Term]) -> None:
+    def __init__(self, args: Sequence[Term], meter: Meter | None = None) -> None:
+        self.meter = meter
         self.left = 0  # how many more compound terms a recursive walk may meet
         self.size = len(args)
         self._locals: dict[Var, Local] = {}
@@ -274,6 +276,8 @@ def _deep_pattern(term: Struct, slots: Slots) -> DeepPattern | Struct:
     while at < len(order):
         shell, source = order[at]
         at += 1
+        if slots.meter is not None:
+            slots.meter.spend(_STEPS_OF_SHELL)
         parts: list[Any] = []
         for arg in source.args:
             arg = deref(arg)
@@ -576,10 +580,12 @@ def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:
     raise type_error("callable", goal)
 
 
-def compile_clause(clause: Clause, link: Callable[[Node, str, int], None]) -> Code:
+def compile_clause(
+    clause: Clause, link: Callable[[Node, str, int], None], meter: Meter | None = None
+) -> Code:
     """Make a clause ready to be run."""
     args = clause.args
-    slots = Slots(args)
+    slots = Slots(args, meter)
     head: list[tuple[int, Any]] = []
     for position, arg in enumerate(args):
         arg = deref(arg)

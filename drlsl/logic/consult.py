@@ -5,6 +5,7 @@ Source: ISO 13211-1, 7.4.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,6 +60,9 @@ _SKIPPED_FLAGS: Final = frozenset(
     )
     for entry in line.split()
 )
+LARGEST_FILE: Final = 64 * 2**20
+"""Bytes of the largest file that is read as text: a device that never ends is refused after so many."""
+
 _USER: Final = Atom("user")
 _MOST_NESTED: Final = 100  # files that name files that name files
 
@@ -446,9 +450,12 @@ def read_source(path: Path) -> str:
 
     Raises:
         PrologSyntaxError: It is not encoded in UTF-8.
-        OSError: It cannot be read.
+        OSError: It cannot be read, or is too large.
     """
-    data = path.read_bytes()
+    with open(path, "rb") as file:
+        data = file.read(LARGEST_FILE + 1)
+    if len(data) > LARGEST_FILE:
+        raise OSError(errno.EFBIG, f"it is larger than {LARGEST_FILE // 2**20} MiB", str(path))
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -522,7 +522,7 @@ def try_clauses(
             continue
         code = clause.code
         if code is None:
-            code = clause.code = compile_clause(clause, clause.predicate.program.link)
+            code = clause.code = compile_clause(clause, clause.predicate.program.link, machine.meter)
         frame = [height, continuation, *args, *code.blanks]
         for position, pattern in code.head:
             arg = args[position]

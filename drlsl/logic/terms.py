@@ -39,16 +39,16 @@ class Atom:
 _ATOM_BYTES: Final = 150
 # So many bytes of new atoms are not worth a sweep.
 _FEW_BYTES: Final = 1 << 20
-# How much larger new atoms may become than those that were in use at the last sweep.
-_GROWTH: Final = 3
+# So many more for each atom that a sweep leaves: it makes as much work however long its name is.
+_NEW_BYTES_OF_ATOM: Final = 3 * _ATOM_BYTES
 
 
 class _AtomTable:
     """The atoms by their names: all that are in use, and not many more that are not.
 
     `known` refers to atoms as anybody else does, so that looking one up costs no more than that. When those
-    that are new since the last sweep need some times the memory of those that were in use then, the next
-    sweep lets go of all and takes back those that are still there.
+    that are new since the last sweep take much memory for the number that were in use then, the next sweep
+    lets go of all and takes back those that are still there.
     """
 
     def __init__(self) -> None:
@@ -87,8 +87,7 @@ class _AtomTable:
                     self.known.setdefault(name, atom)
             self._passing.clear()
             self._new_bytes = 0
-            in_use = _ATOM_BYTES * len(self.known) + sum(map(len, self.known.copy()))
-            self._most_bytes = max(_FEW_BYTES, _GROWTH * in_use)
+            self._most_bytes = max(_FEW_BYTES, _NEW_BYTES_OF_ATOM * len(self.known))
         finally:
             self._is_sweeping = False
 

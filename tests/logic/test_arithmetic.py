@@ -12,6 +12,8 @@ from drlsl.logic import (
     Engine,
     EvaluationError,
     InstantiationError,
+    LimitExceeded,
+    Limits,
     PrologError,
     PrologTypeError,
     ResourceError,
@@ -135,6 +137,19 @@ def test_flag_iso_off() -> None:
 def test_deep_expression(engine: Engine) -> None:
     engine.consult_text("sum(0, 0) :- !. sum(N, 1 + E) :- M is N - 1, sum(M, E).")
     assert engine.holds("sum(20000, E), X is E, X =:= 20000")
+
+
+@pytest.mark.parametrize("goal", ["X = X + 1, Y is X", "X = - X, Y is X", "X = max(1, X), X > 2"])
+def test_an_expression_without_end_is_an_error(engine: Engine, goal: str) -> None:
+    with pytest.raises(PrologError, match="acyclic_term"):
+        engine.once(goal, limits=Limits(seconds=5.0))
+
+
+def test_limits_bind_the_evaluation_of_shared_parts(engine: Engine) -> None:
+    engine.consult_text("twice(0, T, T) :- !. twice(N, T, R) :- M is N - 1, twice(M, T + T, R).")
+    for depth in (40, 400):
+        with pytest.raises(LimitExceeded):
+            engine.once(f"twice({depth}, 1, T), X is T", limits=Limits(inferences=50_000))
 
 
 @given(st.integers(), st.integers().filter(bool))

@@ -59,6 +59,7 @@ def test_a_loop_leaves_few_atoms_behind(engine: Engine, goal: str) -> None:
 @pytest.mark.parametrize(("length", "rounds"), [(20, 30_000), (100_000, 300)])
 def test_a_loop_of_new_atoms_needs_little_memory(engine: Engine, length: int, rounds: int) -> None:
     engine.consult_text(f"long('{'a' * length}').", name="long")
+    kept = [Atom(f"{number}{'b' * length}") for number in range(10)]
     goal = f"long(L), between(1, {rounds}, N), atom_concat(L, N, A), atom_length(A, 0)"
     tracemalloc.start()
     try:
@@ -66,6 +67,7 @@ def test_a_loop_of_new_atoms_needs_little_memory(engine: Engine, length: int, ro
         assert tracemalloc.get_traced_memory()[1] < 4_000_000
     finally:
         tracemalloc.stop()
+    assert all(Atom(atom.name) is atom for atom in kept)
 
 
 def test_atoms_in_use_are_the_same_ones_wherever_they_are_asked_for(engine: Engine) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.logic import Engine, PrologError
+from drlsl.logic import Engine, PrologError, consult
 
 BOM = "\ufeff"
 
@@ -352,3 +352,9 @@ def test_as_swi_prolog_loads(tmp_path: Path, text: str) -> None:
     engine = Engine()
     engine.consult(path)
     assert [str(value) for value in values(engine)] == done.stdout.split()
+
+
+def test_a_file_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(consult, "LARGEST_FILE", 2**20)
+    with pytest.raises(OSError, match="it is larger than 1 MiB"):
+        Engine().consult("/dev/zero")
