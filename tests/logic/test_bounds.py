@@ -256,3 +256,32 @@ def test_exceptions_unwind_deep_recursion(engine: Engine) -> None:
 def test_bindings_and_choice_points_of_a_thrown_goal_are_gone(engine: Engine) -> None:
     goal = "catch((p(X), Y = bound, throw(oops)), oops, true), var(X), var(Y)"
     assert len(list(engine.query(goal))) == 1
+
+
+# ---------------------------------------------------------------------- memory and cleanup goals as limits
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured as Linux tells it")
+@pytest.mark.parametrize(
+    "goal", ["length(L, 3000000)", "numlist(1, 3000000, L)", "growing([])", "X is 1 << 2000000000"]
+)
+def test_a_limit_of_memory_binds(engine: Engine, goal: str) -> None:
+    with pytest.raises(ResourceError, match="memory"):
+        engine.holds(f"catch(({goal}), no, true)", limits=Limits(memory=64 << 20))
+    check_usable(engine)
+
+
+def test_cleanup_goals_of_an_exhausted_query_share_a_tenth_of_its_limit(engine: Engine) -> None:
+    """Each of the cleanups counts its rounds; all of them together get a tenth, or 1,000 inferences."""
+    engine.consult_text(
+        ":- dynamic(n/1). n(0)."
+        " step :- retract(n(I)), J is I + 1, assertz(n(J)), step."
+        " pile(0) :- forever. pile(N) :- M is N - 1, setup_call_cleanup(true, pile(M), step), true.",
+        name="pile",
+    )
+    with pytest.raises(LimitExceeded):
+        engine.holds("pile(5)", limits=Limits(inferences=100_000))
+    made = engine.once("n(X)")
+    assert made is not None
+    assert isinstance(made["X"], int)
+    assert 1_000 <= made["X"] <= 10_000
