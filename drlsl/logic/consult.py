@@ -191,6 +191,8 @@ class Loader:
         if self._hides:
             self._engine.linker.relink()
         if not self._errors:
+            loaded = [self._engine.program.get(*key) for key in self._seen]
+            self._engine.linker.prepare(loaded, self._meter)
             for goal, read in self._goals:
                 self._run(goal, read)
         if self._errors:
@@ -413,6 +415,7 @@ class Loader:
             predicate.tabled = None
             predicate.replace([])
             predicate.defined = False
+            self._hides = True  # or no longer does
             self._seen.discard((name, arity))
 
     def _initialization(self, args: tuple[Term, ...], read: ReadTerm) -> None:

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import re
 import threading
+from collections.abc import Iterable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final
 
-from drlsl.logic.body import CALL, CONTROL, DET, IN_PLACE, NONDET, Node
+from drlsl.logic.body import CALL, CONTROL, DET, IN_PLACE, NONDET, Node, compile_clause
 from drlsl.logic.builtins import registry
 from drlsl.logic.compiler.tiers import cold_entry
 from drlsl.logic.dcg import translate_rule
+from drlsl.logic.errors import PrologError
 from drlsl.logic.flags import Flags
 from drlsl.logic.inplace import ARITHMETIC
+from drlsl.logic.limits import LimitExceeded, Meter
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Indicator, Predicate, Program
 from drlsl.logic.reader import read_terms
-from drlsl.logic.terms import TRUE, Struct
+from drlsl.logic.terms import TRUE, CyclicTerm, Struct
 
 _LIBRARY: Final = Path(__file__).parent / "library"
 _HEADER: Final = re.compile(r":- module\((\w+), \[([^]]*)\]\)\.")
+# Larger predicates are data, of which a query may need little: their clauses wait until they are tried.
+_MOST_PREPARED: Final = 200
 _EXPORT: Final = re.compile(r"\(?'?([^\s,'/()]+)'?\)?/(\d+)")
 
 # Libraries of SWI-Prolog whose predicates are builtins here, so that use_module/1 of them is no error.
@@ -118,6 +123,10 @@ def library() -> Library:
     return Library()
 
 
+class _NotYet(Exception):
+    """What a goal stands for may still change until it is called."""
+
+
 class Linker:
     """Finds what goals stand for in one program."""
 
@@ -144,3 +153,32 @@ class Linker:
                 for clause in predicate.clauses:
                     clause.code = None
             predicate.changed()
+
+    def prepare(self, predicates: Iterable[Predicate], meter: Meter) -> None:
+        """Make clauses and indexes ready that the first call would have to, where nothing can change them.
+
+        Whatever is wrong with a clause is an error only once it is reached.
+
+        Raises:
+            LimitExceeded: It goes beyond the limits of the meter.
+        """
+        for predicate in predicates:
+            if predicate.rows is not None or len(predicate) > _MOST_PREPARED:
+                continue
+            for clause in predicate.clauses:
+                try:
+                    clause.code = clause.code or compile_clause(clause, self._link_for_good, meter)
+                except LimitExceeded:
+                    raise
+                except (_NotYet, PrologError, CyclicTerm, RecursionError):
+                    continue
+            if not predicate.dynamic:
+                predicate.index()
+
+    def _link_for_good(self, node: Node, name: str, arity: int) -> None:
+        if (name, arity) in library().exports:
+            # A program may define a predicate of the library's name at any time before it is called.
+            predicate = self.program.find(name, arity)
+            if predicate is None or predicate.dynamic:
+                raise _NotYet
+        self.link(node, name, arity)

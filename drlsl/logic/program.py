@@ -153,6 +153,11 @@ class Predicate:
             self.replace([Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows])
         return self._clauses
 
+    def index(self) -> None:
+        """Have the index that looking up clauses needs."""
+        if self._index is None and len(self._clauses) > 1:
+            self._build_index()
+
     def candidates(self, first: Term) -> list[Clause]:
         """The clauses whose first argument may unify with a dereferenced term; erased ones included."""
         clauses = self.stored_clauses() if self.rows is not None else self._clauses
