@@ -91,6 +91,9 @@ def test_the_default_rules_have_small_margins(name: str) -> None:
         "left_is_as_right",
         "both_directions_alike",
         "can_stop_after_step",
+        "can_stop_before_oncoming",
+        "brakes_fully_where_it_cannot",
+        "nearer_is_no_softer",
         "front_comes_so_far",
     }
     prover = Prover.of((), (RULES / name,), [one for one in properties_of(name) if one not in steep])
