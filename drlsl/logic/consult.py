@@ -207,6 +207,8 @@ class Loader:
             except StopIteration:
                 break
             except PrologSyntaxError as error:
+                self._meter.count(1)
+                self._meter.text(len(error.source))
                 if not conditions.skipping:
                     self._errors.append(error)
                 continue

@@ -58,6 +58,7 @@ Choice: TypeAlias = tuple[Any, ...]
 _SLICE: Final = 500
 # How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round
 # in one.
+_STEPS_OF_ERROR: Final = 200
 _BOUNCES: Final = 250
 _ROUNDS: Final = 250
 _COMPACT_TRAIL: Final = 250
@@ -201,6 +202,12 @@ class Machine:
 
     def _handle(self, error: PrologError) -> Task:
         """The task of the innermost catch/3 that takes an error; raises it again when there is none."""
+        if error.catchable:
+            try:
+                # The calls before an error are not counted: a loop of errors alone would never be.
+                self.meter.spend(_STEPS_OF_ERROR)
+            except LimitExceeded as exceeded:
+                error = exceeded
         if not error.catchable:
             if isinstance(error, LimitExceeded):
                 self.meter.allow_cleanup()
