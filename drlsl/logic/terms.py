@@ -35,6 +35,8 @@ class Atom:
         return Atom, (self.name,)
 
 
+# Atoms with more characters are freed at once, which costs more for each of them.
+_LONG: Final = 4096
 # An atom and its place in the table [bytes], without the characters of its name.
 _ATOM_BYTES: Final = 150
 # So many bytes of new atoms are not worth a sweep.
@@ -54,6 +56,7 @@ class _AtomTable:
     def __init__(self) -> None:
         self.known: dict[str, Atom] = {}
         self._passing: dict[str, weakref.ref[Atom]] = {}
+        self._long: weakref.WeakValueDictionary[str, Atom] = weakref.WeakValueDictionary()
         # Reentrant, since what is finalised during a sweep may ask for an atom.
         self._lock = threading.RLock()
         self._is_sweeping = False
@@ -63,11 +66,12 @@ class _AtomTable:
     def intern(self, name: str) -> Atom:
         """The atom of a name that is not among the known ones, or was not a moment ago."""
         with self._lock:
+            if len(name) > _LONG:
+                return self._long.setdefault(name, _new_atom(name))
             passing = self._passing.get(name)
             atom = None if passing is None else passing()
             if atom is None:
-                atom = object.__new__(Atom)
-                atom.name = name
+                atom = _new_atom(name)
             atom = self.known.setdefault(name, atom)
             self._new_bytes += _ATOM_BYTES + len(name)
             if self._new_bytes > self._most_bytes and not self._is_sweeping:
@@ -90,6 +94,12 @@ class _AtomTable:
             self._most_bytes = max(_FEW_BYTES, _NEW_BYTES_OF_ATOM * len(self.known))
         finally:
             self._is_sweeping = False
+
+
+def _new_atom(name: str) -> Atom:
+    atom = object.__new__(Atom)
+    atom.name = name
+    return atom
 
 
 _TABLE: Final = _AtomTable()

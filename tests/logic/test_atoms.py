@@ -147,3 +147,13 @@ def test_threads_agree_on_atoms_that_come_and_go() -> None:
     assert not strange
     for atoms in zip(*found, strict=True):
         assert len(set(map(id, atoms))) == 1
+
+
+def test_an_atom_with_a_long_name_is_one_while_it_is_used_and_freed_at_once() -> None:
+    name = "long" * 10_000
+    kept = Atom(name)
+    assert Atom("".join(["long"] * 10_000)) is kept
+    gone = weakref.ref(kept)
+    del kept
+    gc.collect()
+    assert gone() is None

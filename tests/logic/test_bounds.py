@@ -285,3 +285,15 @@ def test_cleanup_goals_of_an_exhausted_query_share_a_tenth_of_its_limit(engine: 
     assert made is not None
     assert isinstance(made["X"], int)
     assert 1_000 <= made["X"] <= 10_000
+
+
+def test_errors_in_a_loop_count_though_none_of_its_calls_does() -> None:
+    engine = Engine()
+    engine.consult_text("p :- catch(atom_length(_, _), _, true), p.")
+    with pytest.raises(LimitExceeded):
+        engine.holds("p", limits=Limits(inferences=10_000))
+
+
+def test_syntax_errors_in_a_text_count() -> None:
+    with pytest.raises(LimitExceeded):
+        Engine().consult_text("p( .\n" * 3_000, limits=Limits(inferences=1_000))
