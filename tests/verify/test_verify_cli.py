@@ -37,6 +37,8 @@ def test_json(fast: str, capsys: pytest.CaptureFixture[str]) -> None:
         "seconds",
         "reason",
         "counterexample",
+        "confirmed",
+        "unanswered",
         "prover_error",
         "floats",
         "amount",
