@@ -8,10 +8,7 @@ from __future__ import annotations
 import decimal
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Final
-
-if TYPE_CHECKING:
-    from drlsl.logic.limits import Meter
+from typing import Final, Protocol
 
 MOST_BITS: Final = 1 << 24
 """An integer of more bits is a resource error: it takes seconds to work with."""
@@ -27,13 +24,23 @@ _PRODUCT: Final = 0.07
 _TO_TEXT: Final = 1.5e-7
 
 
+class Costs(Protocol):
+    """Accounts for work, as `drlsl.logic.limits.Meter` does; both methods raise when a limit is reached."""
+
+    def spend(self, steps: int) -> None:
+        """Account for steps of a builtin."""
+
+    def forecast(self, seconds: float) -> None:
+        """Account for an operation about to begin that cannot be interrupted and takes so long [s]."""
+
+
 def product_seconds(first: int, second: int) -> float:
     """The time that a product of integers of so many bits takes at most [s]."""
     small, large = sorted((first, second))
     return float(_PRODUCT * (small / 2**20) ** 1.585 * large / max(1, small))
 
 
-def decimal_digits(value: int, meter: Meter | None = None) -> str:
+def decimal_digits(value: int, meter: Costs | None = None) -> str:
     """The decimal text of an integer of any size.
 
     Raises:
@@ -70,7 +77,7 @@ def _to_decimal(value: int, bits: int, power: Callable[[int], decimal.Decimal]) 
     )
 
 
-def parse_digits(digits: str, base: int = 10, meter: Meter | None = None) -> int:
+def parse_digits(digits: str, base: int = 10, meter: Costs | None = None) -> int:
     """The value of digits in a base, however many; single ``_`` may stand between them.
 
     Raises:

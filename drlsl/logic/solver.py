@@ -56,9 +56,10 @@ Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
 _SLICE: Final = 500
+# What an error counts as, since the calls before it do not count.
+_STEPS_OF_ERROR: Final = 200
 # How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round
 # in one.
-_STEPS_OF_ERROR: Final = 200
 _BOUNCES: Final = 250
 _ROUNDS: Final = 250
 _COMPACT_TRAIL: Final = 250

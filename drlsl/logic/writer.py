@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from drlsl.logic.digits import decimal_digits
+from drlsl.logic.digits import Costs, decimal_digits
 from drlsl.logic.operators import Operators
 from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
-
-if TYPE_CHECKING:
-    from drlsl.logic.limits import Meter
 
 # Source: ISO 13211-1 6.4.2 (name tokens); letters and symbols beyond ASCII follow SWI-Prolog.
 _PLAIN_ATOM: Final = re.compile(r"[a-z]\w*|[#$&*+\-./:<=>?@^~\\]+|[^\x00-\x7f\w\s]+|\[\]|\{\}|!|;")
@@ -86,7 +83,7 @@ def format_term(
     variable_names: Mapping[int, str] | None = None,
     spacing: bool = False,
     priority: int = _ANY,
-    meter: Meter | None = None,
+    meter: Costs | None = None,
     most: int = 0,
 ) -> str:
     """The text of a term.
@@ -129,7 +126,7 @@ class _Style:
 class _Writer:
     """Turns tasks (tokens to emit, terms to expand) into text, last task first; nothing here recurses."""
 
-    def __init__(self, style: _Style, meter: Meter | None, most: int) -> None:
+    def __init__(self, style: _Style, meter: Costs | None, most: int) -> None:
         self.style = style
         self.meter = meter
         self.most = most
