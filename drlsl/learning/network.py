@@ -87,9 +87,8 @@ class QNetwork:
             torch.mm(inputs.t(), slopes, out=self._slopes[index].weight)
             torch.sum(slopes, 0, out=self._slopes[index].bias)
             if index:
-                slopes = torch.mm(slopes, self.layers[index].weight.t())
-                # ReLU's derivative: 0 wherever it gave 0.
-                slopes = torch.ops.aten.threshold_backward(slopes, inputs, 0)
+                # ReLU's derivative: 1 wherever it gave more than 0, else 0.
+                slopes = torch.mm(slopes, self.layers[index].weight.t()).mul_(inputs.sign())
 
     def get_state(self) -> dict[str, torch.Tensor]:
         """The parameters by layer, named and laid out as PyTorch's Linear has them."""

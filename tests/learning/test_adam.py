@@ -1,5 +1,10 @@
+import ast
+import re
+from pathlib import Path
+
 import torch
 
+import drlsl
 from drlsl.learning.adam import Adam
 
 
@@ -30,3 +35,19 @@ def test_a_state_carries_over_and_stands_alone() -> None:
     restored.set_state(state)
     restored.step()
     assert torch.equal(mine, parameters)
+
+
+def test_no_private_name_of_pytorch_is_used() -> None:
+    private = re.compile(r"(from )?(torch|nn)(\.\w+)*(\.| import )(_[a-z]\w*|ops)\b")
+    found = [
+        f"{path.name}:{node.lineno}: {name}"
+        for path in (Path(drlsl.__file__).parent / "learning").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Attribute | ast.ImportFrom) and private.match(name := ast.unparse(node))
+    ]
+    assert found == []
+
+
+def test_pytorch_is_bounded_for_the_functional_form_of_adam() -> None:
+    project = (Path(drlsl.__file__).parents[1] / "pyproject.toml").read_text("utf-8")
+    assert '"torch>=2.4,<3"' in project
