@@ -11,7 +11,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from drlsl.driving.config import EnvConfig
+from drlsl.driving import EnvConfig
 from drlsl.errors import UserError
 from drlsl.plain_text import read_text
 

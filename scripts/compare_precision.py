@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from drlsl.driving.batch import SceneBatch
-from drlsl.driving.bench import array_facts, random_scenes
-from drlsl.driving.lowered import FREE, SPEED, STATE
-from drlsl.driving.scene import SCHEMA
+from drlsl.benchmarks import array_facts, random_scenes
+from drlsl.driving.scene import SCHEMA, SceneBatch
+from drlsl.driving.shield import FREE, SPEED, STATE
 from drlsl.logic import Engine
 from drlsl.logic.lowering.lower import Query, lower
 from drlsl.logic.lowering.numpy_backend import ArrayProgram, compile_numpy

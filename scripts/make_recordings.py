@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from drlsl.traffic.generate import PRESETS, simulate
-from drlsl.traffic.highd_writer import write_highd
-from drlsl.traffic.sources import BUNDLED
+from drlsl.traffic import BUNDLED, PRESETS, simulate, write_highd
 
 
 def main() -> None:

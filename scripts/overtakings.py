@@ -15,14 +15,11 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.driving.actions import Action
-from drlsl.driving.batch import SceneBatch
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.playback import in_direction, playbacks_of
+from drlsl.driving import POLICIES, EnvConfig
+from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Shield
-from drlsl.driving.stress import POLICIES
-from drlsl.driving.world import World
-from drlsl.traffic.load import load_recording
+from drlsl.driving.simulation import World, in_direction, playbacks_of
+from drlsl.traffic import load_recording
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 Choice: TypeAlias = Callable[[World, npt.NDArray[np.float64]], npt.NDArray[np.int64]]

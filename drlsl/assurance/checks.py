@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from drlsl.assurance.rows import Staging
-from drlsl.driving.reasons import SECTIONS
+from drlsl.driving.explain import SECTIONS
 from drlsl.driving.scene import Scene
 from drlsl.logic import Compound
 from drlsl.logic.lowering.lower import Mode

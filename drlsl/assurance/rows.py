@@ -14,9 +14,8 @@ from typing import Annotated, Final, Literal, Self
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from drlsl.driving.scene import EGO, Road, Scene, Vehicle
-from drlsl.traffic.road import Direction, Lane
+from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO, Road, Scene, Vehicle
+from drlsl.traffic import Direction, Lane
 
 Positive = Annotated[float, Field(gt=0)]
 LaneWord = Literal["left", "own", "right"]

@@ -8,10 +8,8 @@ from typing import Any, Final
 
 from drlsl.assurance.asking import Generated, Interpreter, decision_problem, problem_of
 from drlsl.assurance.checks import ACTIONS, ENTRY, FRONT, LANE, OBSERVATION, SPEED, Case, Question, Solutions
-from drlsl.driving.actions import ATOMS
-from drlsl.driving.batch import Decisions, SceneBatch
-from drlsl.driving.shield import Shield
-from drlsl.driving.tiers import choose_tier
+from drlsl.driving.scene import ATOMS, Decisions, SceneBatch
+from drlsl.driving.shield import Shield, choose_tier
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 from drlsl.logic.lowering.errors import NotLowerable

@@ -28,10 +28,9 @@ from drlsl.assurance.checks import (
 )
 from drlsl.assurance.rows import EgoRow, Layout, RoadRow, Row, Staging, VehicleRow
 from drlsl.assurance.yaml_file import YamlFile, read_yaml
-from drlsl.driving.actions import Action
-from drlsl.driving.scene import EGO
+from drlsl.driving.scene import EGO, Action
 from drlsl.errors import UserError
-from drlsl.traffic.road import Direction
+from drlsl.traffic import Direction
 
 ActionWord = Literal["keep", "left", "right"]
 Section = Literal["front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left"]

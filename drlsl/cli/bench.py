@@ -29,7 +29,7 @@ def engine(
     if programs is not None:
         _compare_programs(programs, runs, as_json=as_json)
         return
-    from drlsl.logic.bench import inferences_per_second, program_times
+    from drlsl.benchmarks import inferences_per_second, program_times
 
     try:
         speeds, times = inferences_per_second(runs), program_times(runs)
@@ -54,8 +54,8 @@ def engine(
 
 def _compare_programs(folder: Path, runs: int, *, as_json: bool) -> None:
     """Print how much longer each program of a folder takes than in SWI-Prolog."""
+    from drlsl.benchmarks import Times, compare_folder, geometric_mean
     from drlsl.errors import UserError
-    from drlsl.logic.bench_set import Times, compare_folder, geometric_mean
 
     ratios: dict[str, list[float]] = {"first": [], "repeated": []}
     report: dict[str, Any] = {}
@@ -94,7 +94,7 @@ def _compare_programs(folder: Path, runs: int, *, as_json: bool) -> None:
 @app.command()
 def env(runs: Runs = 5, as_json: AsJson = False) -> None:
     """Measure environment steps a second, alone and side by side, beside highway-env where it is there."""
-    from drlsl.driving.bench_env import VEHICLES, env_speeds
+    from drlsl.benchmarks import VEHICLES, env_speeds
 
     speeds = env_speeds(runs)
     if as_json:
@@ -110,7 +110,7 @@ def env(runs: Runs = 5, as_json: AsJson = False) -> None:
 @app.command()
 def rules(runs: Runs = 5, as_json: AsJson = False) -> None:
     """Measure the rules in every tier, for one scene and for a batch, beside swipl where it is there."""
-    from drlsl.driving.bench import rule_speeds
+    from drlsl.benchmarks import rule_speeds
 
     speeds = rule_speeds(runs)
     if as_json:
@@ -136,7 +136,7 @@ def train(
     There is one update per step. A training is measured with all that belongs to it: environments, rules,
     acting, replay memory. The bare update has its minibatch ready.
     """
-    from drlsl.learning.bench import training_speeds
+    from drlsl.benchmarks import training_speeds
 
     speeds = training_speeds(runs, num_envs)
     if as_json:

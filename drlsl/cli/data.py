@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from drlsl.traffic.report import RecordingReport, Spread
+    from drlsl.traffic import RecordingReport, Spread
 
 app = typer.Typer(help="Look at recordings of traffic, and make new ones.", no_args_is_help=True)
 
@@ -29,7 +29,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machine
 @app.command("list")
 def list_recordings(as_json: JsonOption = False) -> None:
     """List the recordings that come with DRLSL."""
-    from drlsl.traffic.load import bundled_recordings, load_recording
+    from drlsl.traffic import bundled_recordings, load_recording
 
     recordings = [load_recording(name) for name in bundled_recordings()]
     if as_json:
@@ -70,8 +70,7 @@ def info(
     """Describe a recording: vehicles, lanes, speeds, gaps, and what was dropped from its files."""
     from dataclasses import asdict
 
-    from drlsl.traffic.load import load_recording
-    from drlsl.traffic.report import recording_report
+    from drlsl.traffic import load_recording, recording_report
 
     report = recording_report(load_recording(path, cache=cache))
     if as_json:
@@ -102,8 +101,7 @@ def generate(
     compress: Annotated[bool, typer.Option("--compress", help="Write .csv.xz instead of .csv.")] = False,
 ) -> None:
     """Make a synthetic recording with the traffic simulator SUMO (extra `sumo`)."""
-    from drlsl.traffic.generate import find_preset, simulate
-    from drlsl.traffic.highd_writer import check_folder, write_highd
+    from drlsl.traffic import check_folder, find_preset, simulate, write_highd
 
     check_folder(out, force=force)
     chosen = find_preset(preset)

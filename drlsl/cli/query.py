@@ -12,7 +12,7 @@ from drlsl.cli.failures import failures_as_errors
 from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
-    from drlsl.driving.reasons import BusySection, Objection
+    from drlsl.driving.explain import BusySection, Objection
     from drlsl.driving.scene import Scene
     from drlsl.driving.shield import Decision, Shield
 
@@ -64,7 +64,7 @@ def query(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print which actions are safe in a scene, what speaks against the others, and the target speed."""
-    from drlsl.driving.scene_file import load_scene
+    from drlsl.driving.scene import load_scene
     from drlsl.driving.shield import Shield
 
     _check_options(goal, explain, what_if, actions, out)
@@ -102,9 +102,13 @@ def _check_options(
 
 def _draw(shield: Shield, scene: Scene, path: Path) -> None:
     """Write the picture of a decision."""
-    from drlsl.driving.decision_picture import draw_decision
-    from drlsl.driving.picture import check_picture_path, save_picture
-    from drlsl.driving.reasons import objections, speed_reason
+    from drlsl.driving.explain import (
+        check_picture_path,
+        draw_decision,
+        objections,
+        save_picture,
+        speed_reason,
+    )
 
     check_picture_path(path)
     with failures_as_errors():
@@ -133,8 +137,8 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
 
 def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
     """Proofs and why-not of the actions and the target speed, each after what it comes to."""
-    from drlsl.driving.actions import Action
-    from drlsl.driving.reasons import objections_to, speed_reason
+    from drlsl.driving.explain import objections_to, speed_reason
+    from drlsl.driving.scene import Action
     from drlsl.driving.shield import LIMITS
 
     with failures_as_errors():
@@ -177,7 +181,7 @@ def _offered(holds: bool, against: Sequence[Objection]) -> str:
 
 
 def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
-    from drlsl.driving.reasons import busy_sections, objections
+    from drlsl.driving.explain import busy_sections, objections
 
     with failures_as_errors():
         decision = shield.decide(scene)

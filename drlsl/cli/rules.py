@@ -39,8 +39,8 @@ class Tier(StrEnum):
 @app.command()
 def check(files: Files = None) -> None:
     """Say which tiers can run each predicate, and what looks wrong; the status is 1 where something does."""
-    from drlsl.driving.lowered import ASKED
     from drlsl.driving.scene import SCHEMA
+    from drlsl.driving.shield import ASKED
     from drlsl.logic.lowering.check import check_program
 
     report = check_program(_load(files), SCHEMA, ASKED)
@@ -104,8 +104,8 @@ def show(
     ] = None,
 ) -> None:
     """Print the code that a rule program becomes."""
-    from drlsl.driving.lowered import ASKED, ENTRY
     from drlsl.driving.scene import SCHEMA
+    from drlsl.driving.shield import ASKED, ENTRY
     from drlsl.errors import UserError
     from drlsl.logic.lowering.errors import NotLowerable
     from drlsl.logic.lowering.lower import lower

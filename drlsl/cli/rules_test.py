@@ -64,8 +64,8 @@ def run_tables(
 
     from drlsl.assurance.coverage import measure
     from drlsl.assurance.mutation import score
-    from drlsl.assurance.reasons import reasons_of
     from drlsl.assurance.running import run_cases
+    from drlsl.assurance.survivors import reasons_of
     from drlsl.assurance.tables import load_table, tables_of
     from drlsl.driving.shield import Shield, default_rules, rule_file
     from drlsl.errors import UserError

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 if TYPE_CHECKING:
-    from drlsl.driving.config import EnvConfig
-    from drlsl.driving.stress import Counts, StressReport
+    from drlsl.driving import Counts, EnvConfig, StressReport
 
 
 def stress(
@@ -62,9 +61,9 @@ def stress(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Drive episodes with policies that look for trouble among what a shield offers, and count contacts."""
-    from drlsl.driving.stress import POLICIES
+    from drlsl.driving import POLICIES
     from drlsl.errors import UserError
-    from drlsl.traffic.load import bundled_recordings
+    from drlsl.traffic import bundled_recordings
 
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")
@@ -97,7 +96,7 @@ def _config(**settings: Any) -> EnvConfig:
     """
     from pydantic import ValidationError
 
-    from drlsl.driving.config import EnvConfig
+    from drlsl.driving import EnvConfig
     from drlsl.errors import UserError
 
     try:
@@ -113,10 +112,10 @@ def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> St
     from rich.console import Console
     from rich.progress import Progress
 
+    from drlsl.driving import StressReport
+    from drlsl.driving import stress as run
     from drlsl.driving.shield import Shield
-    from drlsl.driving.stress import StressReport
-    from drlsl.driving.stress import stress as run
-    from drlsl.traffic.load import load_recording
+    from drlsl.traffic import load_recording
 
     shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
     recordings = [load_recording(name) for name in config.recordings]
@@ -162,7 +161,7 @@ _ROWS: Final[dict[str, Callable[[Counts], str]]] = {
 
 def _write_worst(report: StressReport, out: Path) -> None:
     """A scene file for each of the worst contacts."""
-    from drlsl.driving.scene_file import scene_json
+    from drlsl.driving.scene import scene_json
 
     out.mkdir(parents=True)
     for record in report.worst:

@@ -11,9 +11,8 @@ from drlsl.cli.failures import failures_as_errors
 from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
-    from drlsl.driving.actions import Action
-    from drlsl.driving.reasons import Objection
-    from drlsl.driving.scene import Scene
+    from drlsl.driving.explain import Objection
+    from drlsl.driving.scene import Action, Scene
     from drlsl.driving.shield import Shield
     from drlsl.verify.whatif import Answer, Change, Finding
 
@@ -40,7 +39,7 @@ def print_what_if(
     actions = _actions(names)
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")
-    from drlsl.driving.reasons import objections_to
+    from drlsl.driving.explain import objections_to
     from drlsl.verify.whatif import what_if
 
     with failures_as_errors():
@@ -57,7 +56,7 @@ def print_what_if(
 
 
 def _actions(names: Sequence[str]) -> list[Action]:
-    from drlsl.driving.actions import ATOMS, Action
+    from drlsl.driving.scene import ATOMS, Action
     from drlsl.errors import UserError
 
     for name in names:
@@ -68,7 +67,7 @@ def _actions(names: Sequence[str]) -> list[Action]:
 
 def _write(answers: Sequence[Answer], out: Path) -> list[Path]:
     """The changed scenes, as files."""
-    from drlsl.driving.scene_file import scene_json
+    from drlsl.driving.scene import scene_json
     from drlsl.errors import UserError
 
     scenes = {

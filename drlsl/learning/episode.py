@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drlsl.config import Method
-from drlsl.driving.reward import TERMS
+from drlsl.driving.simulation import TERMS
 
 Mask = NDArray[np.bool_]
 ActionFilter = Callable[[Mask], Mask]

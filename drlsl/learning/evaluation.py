@@ -9,14 +9,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
-from drlsl.driving.config import EnvConfig
+from drlsl.driving import EnvConfig
 from drlsl.learning.dqn import greedy_choice
-from drlsl.learning.episode import (
-    EVALUATION_STREAM,
-    EpisodeSummary,
-    all_actions,
-    rule_safe_actions,
-)
+from drlsl.learning.episode import EVALUATION_STREAM, EpisodeSummary, all_actions, rule_safe_actions
 from drlsl.learning.fleet import Fleet, VectorHighway
 from drlsl.learning.network import Policy
 

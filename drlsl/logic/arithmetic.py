@@ -16,13 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from drlsl.logic.digits import MOST_BITS
 from drlsl.logic.errors import domain_error, evaluation_error, instantiation_error, resource_error, type_error
-from drlsl.logic.integers import (
-    SMALL_BITS,
-    check_division,
-    check_modular_power,
-    check_power,
-    check_product,
-)
+from drlsl.logic.integers import SMALL_BITS, check_division, check_modular_power, check_power, check_product
 from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
 
 if TYPE_CHECKING:

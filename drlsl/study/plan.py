@@ -20,7 +20,7 @@ from drlsl.config import (
     to_yaml,
     with_value,
 )
-from drlsl.driving.config import EnvConfig
+from drlsl.driving import EnvConfig
 from drlsl.errors import UserError
 from drlsl.study.paper import PaperMethod, PaperTest
 

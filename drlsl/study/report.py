@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from drlsl.driving.fault import BRAKING, INTRUSION, REACTION
+from drlsl.driving.simulation import BRAKING, INTRUSION, REACTION
 from drlsl.learning.checkpoint import write_atomic
 from drlsl.learning.figures import FIGURES
 from drlsl.study import statistics, tables

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from drlsl.driving.fault import Verdict
+from drlsl.driving.simulation import Verdict
 from drlsl.learning.evaluation import Totals
 from drlsl.learning.rundir import METRIC_COLUMNS
 from drlsl.study.folder import Failure, StudyFolder

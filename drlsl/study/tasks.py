@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from drlsl.driving.config import EnvConfig
+from drlsl.driving import EnvConfig
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.learning.evaluation import ShieldState, as_record, drive, make_evaluation_env
@@ -16,7 +16,7 @@ from drlsl.learning.session import Session, load_policy
 from drlsl.study.folder import StudyFolder, digest
 from drlsl.study.machine import processors
 from drlsl.study.plan import Run, StudyConfig, Task
-from drlsl.traffic.sources import find_source
+from drlsl.traffic import find_source
 
 Stop = Callable[[], bool]
 Perform = Callable[[Path, Task, Stop], None]

@@ -1,0 +1,5 @@
+"""Recordings of traffic: highD, NGSIM and synthetic ones, in SI units."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -8,11 +8,20 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from drlsl.driving.scene import EGO, Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import (
+    ACCELERATION_LIMIT,
+    BRAKING_LIMIT,
+    CENTRE_TOLERANCE,
+    EGO,
+    Road,
+    Scene,
+    Vehicle,
+    road_facts,
+    scene_facts,
+)
 from drlsl.logic.lowering.batch_program import Rows
 from drlsl.logic.terms import Atom
-from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic import Direction, Lane
 from drlsl.verify.drawing import OF_A_VEHICLE, Drawn, Floats, Layout, Mask, Whole, lane_centres
 from drlsl.verify.polynomials import Rational
 from drlsl.verify.ranges import Case

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from drlsl.driving.picture import draw_scene, save_picture
-from drlsl.driving.reasons import objections
-from drlsl.driving.scene import Scene
-from drlsl.driving.scene_file import scene_json
+from drlsl.driving.explain import draw_scene, objections, save_picture
+from drlsl.driving.scene import Scene, scene_json
 from drlsl.driving.shield import RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic import LimitExceeded, PrologError

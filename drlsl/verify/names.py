@@ -9,7 +9,7 @@ from drlsl.driving.scene import EGO, SCHEMA
 from drlsl.logic.lowering.ir import Node, reach
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.terms import Atom
-from drlsl.traffic.road import Direction
+from drlsl.traffic import Direction
 
 VEHICLE: Final = SCHEMA.relations["vehicle", 8]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final, TypeAlias
 
-from drlsl.traffic.road import Direction
+from drlsl.traffic import Direction
 
 Range: TypeAlias = tuple[Fraction, Fraction]
 

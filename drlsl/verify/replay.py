@@ -9,9 +9,17 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Final
 
-from drlsl.driving.batch import SceneBatch
-from drlsl.driving.scene import Facts, Road, Scene, Vehicle, road_facts, scene_facts
-from drlsl.driving.scene_file import parse_scene, scene_json
+from drlsl.driving.scene import (
+    Facts,
+    Road,
+    Scene,
+    SceneBatch,
+    Vehicle,
+    parse_scene,
+    road_facts,
+    scene_facts,
+    scene_json,
+)
 from drlsl.driving.shield import LIMITS, RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, PrologError
@@ -19,7 +27,7 @@ from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.lower import lower
 from drlsl.logic.lowering.scalar import Scalar, compile_scalar
 from drlsl.logic.lowering.schema import Schema
-from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic import Direction, Lane
 from drlsl.verify.images import calls
 from drlsl.verify.properties import FACTS, Property
 from drlsl.verify.symbolic import FOCUS, NOBODY, Model, SymbolicScene

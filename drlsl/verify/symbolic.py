@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
-from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from drlsl.driving.scene import EGO, Road, Scene, Vehicle
+from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO, Road, Scene, Vehicle
 from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.terms import Atom
-from drlsl.traffic.road import Lane
+from drlsl.traffic import Lane
 from drlsl.verify.booleans import Bool
 from drlsl.verify.formula import Constant, Finite, Row
 from drlsl.verify.polynomials import Polynomial

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, Final, Literal, TypeAlias
 
-from drlsl.driving.actions import Action, action_of_atom
-from drlsl.driving.scene import SCHEMA, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Action, Scene, Vehicle, action_of_atom, road_facts, scene_facts
 from drlsl.driving.shield import RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic.lowering.errors import NotLowerable, Undecided

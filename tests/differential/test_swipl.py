@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.logic import Engine, bench
+from drlsl.benchmarks import inference_speed as bench
+from drlsl.logic import Engine
 
 HERE = Path(__file__).parent
 # What the two are known to answer differently, by the flag `iso` or by what a term's text looks like.

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import torch
 
-from drlsl.driving.action_space import one_action, several_actions
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.env import HighwayEnv
-from drlsl.driving.playback import playbacks_of
-from drlsl.driving.shield import Shield
-from drlsl.driving.vector import HighwayVectorEnv
-from drlsl.driving.world import World
+from drlsl.driving.envs.single import HighwayEnv
+from drlsl.driving.envs.vector import HighwayVectorEnv
+from drlsl.driving.scene.action_space import one_action, several_actions
+from drlsl.driving.shield.shield import Shield
+from drlsl.driving.simulation.playback import playbacks_of
+from drlsl.driving.simulation.world import World
 
 from .recordings import Drive, recording
 

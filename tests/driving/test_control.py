@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.driving.control import (
+from drlsl.driving.scene.ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.simulation.control import (
     LATERAL_SPEED_LIMIT,
     LaneController,
     SpeedController,
     move,
     move_forward,
 )
-from drlsl.driving.limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 
 speeds = st.floats(0.0, 45.0, allow_nan=False)
 steps = st.sampled_from([0.04, 0.1])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.actions import Action
-from drlsl.driving.egos import Egos
-from drlsl.driving.entry import Entry
-from drlsl.driving.playback import Courses, Playbacks, playbacks_of
+from drlsl.driving.scene.actions import Action
+from drlsl.driving.simulation.egos import Egos
+from drlsl.driving.simulation.entry import Entry
+from drlsl.driving.simulation.playback import Courses, Playbacks, playbacks_of
 from drlsl.errors import UserError
 from tests.driving.recordings import LANES, WIDTH, Drive, recording
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.fault import BRAKING, REACTION, Track, Verdict, judge, time_to_avoid
+from drlsl.driving.simulation.fault import BRAKING, REACTION, Track, Verdict, judge, time_to_avoid
 from drlsl.traffic.road import Direction, Lane
 
 DT = 0.04

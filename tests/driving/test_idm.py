@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.driving import idm
-from drlsl.driving.control import move_forward
-from drlsl.driving.limits import BRAKING_LIMIT
+from drlsl.driving.scene.ego_limits import BRAKING_LIMIT
+from drlsl.driving.simulation import idm
+from drlsl.driving.simulation.control import move_forward
 
 SPEED = st.floats(0.0, 40.0)
 

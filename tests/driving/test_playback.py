@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.playback import Playback, playbacks_of
+from drlsl.driving.simulation.playback import Playback, playbacks_of
 from drlsl.traffic.road import Direction
 from tests.driving.recordings import Drive, recording
 

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.fault import Verdict
-from drlsl.driving.playback import in_direction, playbacks_of
-from drlsl.driving.reactive import SIDE_ROOM, _Cars, _followers
-from drlsl.driving.shield import Shield
-from drlsl.driving.stress import stress
-from drlsl.driving.world import StepResult, World
+from drlsl.driving.scene.actions import Action
+from drlsl.driving.shield.shield import Shield
+from drlsl.driving.simulation.fault import Verdict
+from drlsl.driving.simulation.playback import in_direction, playbacks_of
+from drlsl.driving.simulation.reactive import SIDE_ROOM, _Cars, _followers
+from drlsl.driving.simulation.world import StepResult, World
+from drlsl.driving.stress_test import stress
 from drlsl.logic import Engine
 from drlsl.traffic.load import load_recording
 from drlsl.traffic.recording import Recording

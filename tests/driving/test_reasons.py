@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from drlsl.driving.actions import Action
-from drlsl.driving.reasons import Objection, SpeedReason, objections, speed_reason
-from drlsl.driving.shield import Shield
+from drlsl.driving.explain.reasons import Objection, SpeedReason, objections, speed_reason
+from drlsl.driving.scene.actions import Action
+from drlsl.driving.shield.shield import Shield
 from drlsl.logic import Engine
 from tests.driving.test_shield import SCENE, USABLE
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drlsl.driving.config import RewardConfig
-from drlsl.driving.reward import TERMS, reward_terms
+from drlsl.driving.simulation.reward import TERMS, reward_terms
 
 
 def terms(

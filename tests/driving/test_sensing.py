@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drlsl.driving.batch import SceneBatch
 from drlsl.driving.config import EnvConfig, SensingConfig
-from drlsl.driving.playback import in_direction, playbacks_of
-from drlsl.driving.sensing import Sensing
-from drlsl.driving.shield import Shield
-from drlsl.driving.world import World
+from drlsl.driving.scene.batch import SceneBatch
+from drlsl.driving.shield.shield import Shield
+from drlsl.driving.simulation.playback import in_direction, playbacks_of
+from drlsl.driving.simulation.sensing import Sensing
+from drlsl.driving.simulation.world import World
 from drlsl.traffic.load import load_recording
 from drlsl.traffic.recording import Recording
 from tests.driving.recordings import LANES, Drive, recording

@@ -11,9 +11,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import drlsl  # noqa: F401  (registers the environment)
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.env import HighwayEnv
-from drlsl.driving.shield import Shield
-from drlsl.driving.vector import HighwayVectorEnv
+from drlsl.driving.envs.single import HighwayEnv
+from drlsl.driving.envs.vector import HighwayVectorEnv
+from drlsl.driving.shield.shield import Shield
 from drlsl.errors import UserError
 
 CONFIGS = [

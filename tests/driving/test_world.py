@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.actions import Action
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.entry import Entries
-from drlsl.driving.fault import Verdict
-from drlsl.driving.playback import in_direction, playbacks_of
-from drlsl.driving.shield import Shield
-from drlsl.driving.world import StepResult, World
+from drlsl.driving.scene.actions import Action
+from drlsl.driving.shield.shield import Shield
+from drlsl.driving.simulation.entry import Entries
+from drlsl.driving.simulation.fault import Verdict
+from drlsl.driving.simulation.playback import in_direction, playbacks_of
+from drlsl.driving.simulation.world import StepResult, World
 from drlsl.errors import UserError
 from drlsl.traffic.recording import Recording
 from drlsl.traffic.road import Direction

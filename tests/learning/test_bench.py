@@ -3,8 +3,8 @@ import json
 
 import pytest
 
+from drlsl.benchmarks import training_speed as bench
 from drlsl.cli import run
-from drlsl.learning import bench
 
 pytestmark = pytest.mark.usefixtures("fake_driving")
 

@@ -15,8 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drlsl.driving.lowered import FREE, LANE, SPEED, STATE
-from drlsl.driving.scene import EGO, SCHEMA, Scene, Vehicle
+from drlsl.driving.scene.model import EGO, SCHEMA, Scene, Vehicle
+from drlsl.driving.shield.compiled import FREE, LANE, SPEED, STATE
 from drlsl.logic.lowering.batch_program import BatchResult, Rows
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.numba_backend import NumbaProgram, compile_numba

@@ -16,9 +16,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from drlsl.driving.bench import random_scenes
-from drlsl.driving.lowered import FREE, SPEED, STATE
-from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
+from drlsl.benchmarks.rule_speed import random_scenes
+from drlsl.driving.scene.model import SCHEMA, Scene, road_facts, scene_facts
+from drlsl.driving.shield.compiled import FREE, SPEED, STATE
 from drlsl.logic import Engine
 from drlsl.logic.lowering import numpy_ops, torch_ops
 from drlsl.logic.lowering.batch_program import BatchResult, Precision, Rows

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 
-from drlsl.driving.scene import Scene, Vehicle
-from drlsl.driving.shield import RuleFailure, Shield
+from drlsl.driving.scene.model import Scene, Vehicle
+from drlsl.driving.shield.shield import RuleFailure, Shield
 from drlsl.traffic.road import Direction, Lane
 from tests.properties.oracle import SECTIONS
 from tests.scenes import scenes

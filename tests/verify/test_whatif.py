@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
-from drlsl.driving.actions import Action
-from drlsl.driving.lowered import ScalarAsker
-from drlsl.driving.scene import Scene, Vehicle
-from drlsl.driving.scene_file import load_scene
-from drlsl.driving.shield import RuleFailure, Shield, default_rules
+from drlsl.driving.scene.actions import Action
+from drlsl.driving.scene.model import Scene, Vehicle
+from drlsl.driving.scene.scene_file import load_scene
+from drlsl.driving.shield.compiled import ScalarAsker
+from drlsl.driving.shield.shield import RuleFailure, Shield, default_rules
 from drlsl.errors import UserError
 from drlsl.verify.whatif import Answer, Finding, what_if
 from tests.scenes import road, scenes, turned

@@ -1,0 +1,105 @@
+"""The Gymnasium environment: the world with one ego."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.scene import Action, Decisions, Scene, one_action
+from drlsl.driving.shield import OBSERVATION_SIZE, Shield
+from drlsl.driving.simulation import TERMS, StepResult, World, load_playbacks
+
+Observation: TypeAlias = npt.NDArray[np.float32]
+
+
+class HighwayEnv(gymnasium.Env[Observation, np.int64]):
+    """Drive a recorded highway: observation float32 (10,) in [0, 1], actions `Action`.
+
+    `info` of reset and step holds `action_mask` int8 (3,), `rewards` (the weighted terms), `lane_change`,
+    `contact`, `at_fault`, `contact_reason`, `off_road`, `entered`, `speed` [m/s], `distance` [m],
+    `target_speed` [m/s] and `fail_safe` with `fail_safe_reason`. Terminated on a contact or off the road,
+    truncated at the end of the track. The mask is offered, not enforced.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
+
+    def __init__(
+        self, config: EnvConfig | None = None, *, shield: Shield | None = None, **settings: Any
+    ) -> None:
+        """An environment of `config`, or of `settings`, fields of `EnvConfig`.
+
+        Raises:
+            UserError: the recording or the rules cannot be used.
+        """
+        self.config = config if config is not None else EnvConfig(**settings)
+        self.shield = shield or Shield.from_files(
+            self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
+        )
+        self.world = World(self.config, load_playbacks([self.config]), self.shield)
+        self.observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+        self.action_space = gymnasium.spaces.Discrete(len(Action))
+        self._decisions: Decisions | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; with a seed, the episode is a function of the seed."""
+        super().reset(seed=seed, options=options)
+        self.world.reset([0], [self.np_random])
+        return self._observe(self.world.decisions), self._info(self.world.decisions, None)
+
+    def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive one recorded frame.
+
+        Raises:
+            TypeError, ValueError: the action is none of those that there are; nothing is driven.
+        """
+        result = self.world.step([one_action(action)])
+        return (
+            self._observe(result.decisions),
+            float(result.reward[0]),
+            bool(result.terminated[0]),
+            bool(result.truncated[0]),
+            self._info(result.decisions, result),
+        )
+
+    def action_masks(self) -> npt.NDArray[np.bool_]:
+        """Which actions the rules offer now, shape (3,)."""
+        if self._decisions is None:
+            raise RuntimeError("reset the environment before asking for its action mask")
+        return np.asarray(self._decisions.action_mask[0])
+
+    def scene(self) -> Scene:
+        """The scene that the rules were last asked about."""
+        return self.world.scene(0)
+
+    def _observe(self, decisions: Decisions) -> Observation:
+        self._decisions = decisions
+        return np.asarray(decisions.observation[0], dtype=np.float32)
+
+    def _info(self, decisions: Decisions, result: StepResult | None) -> dict[str, Any]:
+        contact = result.contacts.get(0) if result is not None else None
+        return {
+            "action_mask": decisions.action_mask[0].astype(np.int8),
+            "rewards": {term: float(result.rewards[term][0]) if result else 0.0 for term in TERMS},
+            "lane_change": bool(result.changed[0]) if result else False,
+            "contact": contact is not None,
+            "at_fault": contact is not None and contact.at_fault,
+            "contact_reason": contact.verdict.value if contact else "",
+            "off_road": bool(result.off_road[0]) if result else False,
+            "entered": bool(result.entered[0]) if result else True,
+            "speed": float((result or self.world).speed[0]),
+            "distance": float((result or self.world).distance[0]),
+            "target_speed": float(decisions.target_speed[0]),
+            "fail_safe": 0 in decisions.failures,
+            "fail_safe_reason": decisions.failures.get(0, ""),
+        }
+
+
+def make_env(config: EnvConfig) -> HighwayEnv:
+    """The environment of `config`, without Gymnasium's wrappers."""
+    return HighwayEnv(config)

@@ -1,0 +1,283 @@
+"""The vector environment: the world with N egos, as Gymnasium's VectorEnv."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.scene import Action
+from drlsl.driving.shield import OBSERVATION_SIZE, Shield
+from drlsl.driving.simulation import TERMS, Playback, StepResult, World, in_direction, load_playbacks
+from drlsl.errors import UserError
+
+Observations: TypeAlias = npt.NDArray[np.float32]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Floats: TypeAlias = npt.NDArray[np.float64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+
+class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
+    """N highways driven in step: observations float32 (N, 10), actions (N,).
+
+    Sub-environment i is to the bit what `HighwayEnv` is with the same configuration and seed. `info` holds
+    the same as there, as arrays with a first axis of N, each with a mask beside it (`speed`, `_speed`), as
+    Gymnasium has it: `action_mask` is int8 (N, 3).
+
+    All autoreset modes of Gymnasium are there: NEXT_STEP, SAME_STEP with `final_obs` and `final_info`, and
+    DISABLED with `options={"reset_mask": mask}` of `reset`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
+
+    def __init__(
+        self,
+        config: EnvConfig | Sequence[EnvConfig] | None = None,
+        *,
+        num_envs: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        shield: Shield | None = None,
+        playbacks: Sequence[Playback] | None = None,
+        **settings: Any,
+    ) -> None:
+        """`num_envs` environments of one `config`, or of `settings`, its fields; or one for each of several.
+
+        Several configurations may differ in recording and direction. `playbacks`, where given, stand for the
+        recordings.
+
+        Raises:
+            UserError: a recording or the rules cannot be used, or the configurations do not fit together.
+        """
+        configs = _configs(config if config is not None else EnvConfig(**settings), num_envs)
+        self.config = configs[0]
+        self.num_envs = len(configs)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.shield = shield or Shield.from_files(
+            self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
+        )
+        driven = (
+            load_playbacks(configs)
+            if playbacks is None
+            else [in_direction(playbacks, one) for one in configs]
+        )
+        self.world = World(self.config, driven, self.shield)
+        self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+        self.single_action_space = gymnasium.spaces.Discrete(len(Action))
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in configs]
+        self._over = np.ones(self.num_envs, dtype=np.bool_)
+        self._all = _constant(self.num_envs, True)
+        self._nothing = _constant(self.num_envs, False)
+        self._no_reason = _constant(self.num_envs, "")
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Be a copy: what infos share stays not to be written to."""
+        vars(self).update(state)
+        for shared in (self._all, self._nothing, self._no_reason):
+            shared.setflags(write=False)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode in every environment, or in those that `options["reset_mask"]` marks.
+
+        Environment i takes the seed + i, or the i-th of several seeds.
+
+        Raises:
+            ValueError: the seeds or the mask are not of shape (N,).
+        """
+        asked = self._asked(options)
+        for index, one in enumerate(self._seeds(seed)):
+            if asked[index] and one is not None:
+                self._rngs[index] = seeding.np_random(one)[0]
+        places = np.flatnonzero(asked).tolist()
+        self.world.reset(places, [self._rngs[index] for index in places])
+        self._over &= ~asked
+        return self._observations(), self._info(None, asked)
+
+    def step(
+        self, actions: npt.NDArray[np.integer] | Sequence[int]
+    ) -> tuple[Observations, Floats, Mask, Mask, dict[str, Any]]:
+        """Drive one recorded frame in every environment.
+
+        Raises:
+            ResetNeeded: autoreset is disabled and an episode is over.
+            TypeError, ValueError: the actions are not N of those that there are; nothing is driven.
+        """
+        again: list[int] = np.flatnonzero(self._over).tolist() if self._over.any() else []
+        if again and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
+            raise gymnasium.error.ResetNeeded(f"the episodes of {again} are over: reset them first")
+        result = self.world.step(actions, {index: self._rngs[index] for index in again})
+        over = result.terminated | result.truncated
+        info = self._info(result, self._all, began=again)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
+            info = self._reset_within(over, info)
+        else:
+            self._over = over
+        return self._observations(), result.reward, result.terminated, result.truncated, info
+
+    def action_masks(self) -> Mask:
+        """Which actions the rules offer now, shape (N, 3)."""
+        return self.world.decisions.action_mask
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of every environment between two steps, in arrays and plain types."""
+        return {"world": self.world.get_state(), "over": self._over.copy()}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave in an environment of the same configuration."""
+        self.world.set_state(state["world"])
+        self._rngs = self.world.rngs
+        self._over = state["over"].copy()
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        seeds = [seed + index for index in range(self.num_envs)] if isinstance(seed, int) else seed
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        return seeds
+
+    def _asked(self, options: dict[str, Any] | None) -> Mask:
+        """Which environments a reset is of, shape (N,)."""
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return self._all
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise ValueError(f"reset_mask is {mask!r}; expected a Boolean array of shape ({self.num_envs},)")
+        if not mask.any():
+            raise ValueError("reset_mask marks no environment")
+        return mask
+
+    def _reset_within(self, over: Mask, info: dict[str, Any]) -> dict[str, Any]:
+        """Begin the next episodes at once; what the last step of the ended ones brought is kept beside."""
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        places = np.flatnonzero(over).tolist()
+        observations = self._observations()
+        for index in places:
+            final_obs[index] = observations[index]
+        self.world.reset(places, [self._rngs[index] for index in places])
+        merged = _merged(info, self._info(None, over), over)
+        merged |= {"final_obs": final_obs, "_final_obs": over, "final_info": _only(info, over)}
+        return merged | {"_final_info": over}
+
+    def _observations(self) -> Observations:
+        return self.world.decisions.observation.astype(np.float32)
+
+    def _info(self, result: StepResult | None, told: Mask, began: Sequence[int] = ()) -> dict[str, Any]:
+        """What is told of the environments that `told` marks, as after a reset where there is no result."""
+        decisions, world, nothing = self.world.decisions, self.world, self._nothing
+        contact, at_fault, reason = nothing, nothing, self._no_reason
+        if result is not None and result.contacts:
+            contact, at_fault, reason = nothing.copy(), nothing.copy(), self._no_reason.copy()
+            for index, met in result.contacts.items():
+                contact[index], at_fault[index], reason[index] = True, met.at_fault, met.verdict.value
+        fail_safe, why = nothing, self._no_reason
+        if decisions.failures:
+            fail_safe, why = nothing.copy(), self._no_reason.copy()
+            for index, failure in decisions.failures.items():
+                fail_safe[index], why[index] = True, failure
+        entered = result.entered if result else told
+        speed, distance = (result or world).speed, (result or world).distance
+        if began or result is None:
+            entered, speed, distance = entered.copy(), speed.copy(), distance.copy()
+            places = list(began)
+            entered[places] = True
+            speed[places], distance[places] = world.speed[places], world.distance[places]
+        rewards = result.rewards if result else dict.fromkeys(TERMS, np.zeros(self.num_envs))
+        columns: dict[str, Any] = {
+            "action_mask": decisions.action_mask.astype(np.int8),
+            "rewards": _with_masks(rewards, told),
+            "lane_change": result.changed if result else nothing,
+            "contact": contact,
+            "at_fault": at_fault,
+            "contact_reason": reason,
+            "off_road": result.off_road if result else nothing,
+            "entered": entered,
+            "speed": speed,
+            "distance": distance,
+            "target_speed": decisions.target_speed,
+            "fail_safe": fail_safe,
+            "fail_safe_reason": why,
+        }
+        return _with_masks(columns, told)
+
+
+def make_vec(
+    config: EnvConfig, num_envs: int, autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP
+) -> HighwayVectorEnv:
+    """The vector environment of `config`, without Gymnasium's wrappers."""
+    return HighwayVectorEnv(config, num_envs=num_envs, autoreset_mode=autoreset_mode)
+
+
+def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> list[EnvConfig]:
+    """One configuration for each environment."""
+    if isinstance(config, EnvConfig):
+        configs = [config] * (1 if num_envs is None else num_envs)
+    else:
+        configs = list(config)
+        if num_envs not in (None, len(configs)):
+            raise UserError(f"{len(configs)} configurations for {num_envs} environments")
+    if not configs:
+        raise UserError("a vector environment needs one environment or more")
+    alike = {
+        one.model_copy(update={"recording": "", "direction": "both"}).model_dump_json() for one in configs
+    }
+    if len(alike) > 1:
+        raise UserError("the configurations differ in more than recording and direction")
+    return configs
+
+
+def _constant(count: int, value: bool | str) -> npt.NDArray[Any]:
+    """An array that infos share where there is nothing to tell; not to be written to."""
+    result = np.full(count, value, dtype=np.bool_ if isinstance(value, bool) else object)
+    result.setflags(write=False)
+    return result
+
+
+def _with_masks(columns: dict[str, Any], told: Mask) -> dict[str, Any]:
+    """The columns, each with a mask of who has it."""
+    return {
+        key: value for name, column in columns.items() for key, value in ((name, column), (f"_{name}", told))
+    }
+
+
+def _names(info: dict[str, Any]) -> Iterable[str]:
+    return (name for name in info if not name.startswith("_"))
+
+
+def _merged(info: dict[str, Any], other: dict[str, Any], places: Mask) -> dict[str, Any]:
+    """`info` with what `other` tells of `places`."""
+    result = dict(info)
+    for name in _names(info):
+        if isinstance(info[name], dict):
+            result[name] = _merged(info[name], other[name], places)
+        else:
+            result[name] = info[name].copy()
+            result[name][places] = other[name][places]
+    return result
+
+
+def _only(info: dict[str, Any], places: Mask) -> dict[str, Any]:
+    """What `info` tells of `places`, blank for the others."""
+    result: dict[str, Any] = {}
+    for name in _names(info):
+        column = info[name]
+        if isinstance(column, dict):
+            result[name] = _only(column, places)
+        else:
+            result[name] = np.zeros_like(column)
+            if column.dtype == object:
+                result[name][:] = None
+            result[name][places] = column[places]
+        result[f"_{name}"] = places
+    return result

@@ -1,0 +1,166 @@
+"""Why an action is not offered, and who is in which section, as the rules tell it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from drlsl.driving.scene import Action, Scene, action_of_atom
+from drlsl.driving.shield import LIMITS, Decision, Shield
+from drlsl.logic import Compound
+from drlsl.plain_text import printable
+
+SECTIONS: Final = ("front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left")
+"""The sections around the ego, clockwise. Source: paper, SLP for AD."""
+
+
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """One reason against an action, with `vehicle`, `gap` and `needed` [m] where a vehicle is too close.
+
+    `details` are the arguments of any other reason that a program gives.
+    """
+
+    reason: str
+    vehicle: str | None = None
+    gap: float | None = None
+    needed: float | None = None
+    details: tuple[str | float, ...] = ()
+
+    @property
+    def missing(self) -> float | None:
+        """By how much the gap is too short [m]."""
+        return None if self.gap is None or self.needed is None else self.needed - self.gap
+
+    def as_json(self) -> dict[str, Any]:
+        """The fields that are given."""
+        fields = {
+            "reason": self.reason,
+            "vehicle": self.vehicle,
+            "gap": self.gap,
+            "needed": self.needed,
+            "missing": self.missing,
+            "details": list(self.details) or None,
+        }
+        return {name: value for name, value in fields.items() if value is not None}
+
+    def words(self) -> str:
+        """The reason for people."""
+        if self.gap is None or self.needed is None or self.missing is None:
+            details = [
+                printable(detail) if isinstance(detail, str) else f"{detail:.4g}" for detail in self.details
+            ]
+            reason = printable(self.reason).replace("_", " ")
+            return f"{reason}: {', '.join(details)}" if details else reason
+        place = "alongside" if self.gap <= 0 else f"{self.gap:.1f} m away"
+        missing = f"{self.needed:.1f} m needed: {self.missing:.1f} m missing"
+        return printable(f"{self.vehicle} is {place}, {missing}")
+
+
+@dataclass(frozen=True, slots=True)
+class BusySection:
+    """The nearest vehicle of a section and the gap to it [m], as the rules measure gaps."""
+
+    vehicle: str
+    gap: float
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedReason:
+    """The vehicle that decides the target speed, and what that would be `without` it [m/s]."""
+
+    vehicle: str
+    without: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Both fields."""
+        return {"vehicle": self.vehicle, "without": self.without}
+
+    def words(self) -> str:
+        """The reason for people."""
+        return f"{printable(self.vehicle)} decides it; without it {self.without:.2f} m/s"
+
+
+def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
+    """For every action that `decision` does not offer, what speaks against it: see `objections_to`."""
+    return objections_to(shield, (action for action in Action if action not in decision.safe_actions))
+
+
+def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, list[Objection]]:
+    """What speaks against each of some actions that are not offered, nearest vehicle first.
+
+    Asks `objection(Action, Reason)` about the scene that was told last; a program that does not define it
+    gives no reasons.
+
+    Raises:
+        PrologError: the rules raised an error.
+    """
+    unsafe: dict[Action, list[Objection]] = {action: [] for action in actions}
+    if shield.engine.defines("objection", 2):
+        for solution in shield.engine.query("objection(Action, Reason)", limits=LIMITS):
+            action = action_of_atom(solution["Action"])
+            if action in unsafe:
+                unsafe[action].append(_objection(solution["Reason"]))
+    return {action: sorted(set(found), key=_urgency) for action, found in unsafe.items()}
+
+
+def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
+    """The nearest vehicle of each section in the scene that was decided last, None where the section is free.
+
+    Asks `busy_section(Section, Car, Gap)`; a program that does not define it has no busy section to tell.
+
+    Raises:
+        PrologError: the rules raised an error.
+    """
+    nearest: dict[str, BusySection | None] = dict.fromkeys(SECTIONS)
+    if shield.engine.defines("busy_section", 3):
+        for solution in shield.engine.query("busy_section(Section, Car, Gap)", limits=LIMITS):
+            section, found = (
+                str(solution["Section"]),
+                BusySection(str(solution["Car"]), _number(solution["Gap"])),
+            )
+            known = nearest.get(section)
+            if known is None or found.gap < known.gap:
+                nearest[section] = found
+    return nearest
+
+
+def speed_reason(shield: Shield, scene: Scene, target_speed: float) -> SpeedReason | None:
+    """The vehicle without which `target_speed` [m/s] would be most another; None where no single one matters.
+
+    The rules are asked about the scene once more without each vehicle in turn, and then told `scene` again.
+
+    Raises:
+        RuleFailure, PrologError: the rules raised an error.
+    """
+    reasons = []
+    for car in scene.in_range():
+        others = tuple(other for other in scene.vehicles if other is not car)
+        shield.state_facts(replace(scene, vehicles=others))
+        found = shield.engine.once("longitudinal_velocity(Speed)", limits=LIMITS)
+        speed = math.nan if found is None else _number(found["Speed"])
+        if math.isfinite(speed) and speed != target_speed:
+            reasons.append(SpeedReason(car.id, speed))
+    shield.state_facts(scene)
+    return max(reasons, key=lambda reason: abs(reason.without - target_speed), default=None)
+
+
+def _objection(term: object) -> Objection:
+    match term:
+        case Compound(name="too_close", args=(car, gap, needed)):
+            return Objection("too_close", str(car), _number(gap), _number(needed))
+        case Compound(name=name, args=args):
+            details = (value if isinstance(value, int | float) else str(value) for value in args)
+            return Objection(name, details=tuple(details))
+        case _:
+            return Objection(str(term))
+
+
+def _urgency(objection: Objection) -> tuple[float, str]:
+    return (float("-inf") if objection.gap is None else objection.gap, str(objection))
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")

@@ -1,0 +1,77 @@
+"""Actions as they are given to an environment: what is one, and what is refused.
+
+The judge is Gymnasium's `Discrete`: integers from 0 to 2 of any kind, NumPy's among them, and arrays of no
+dimension. A float is none, 2.0 included, for a number that was computed may be 2.9999 the next time. Nor is
+a bool, though Python counts it among the integers: it comes from a mask, not from a choice.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene.actions import ATOMS, Action
+
+Integers: TypeAlias = npt.NDArray[np.int64]
+
+COUNT: Final = len(Action)
+KNOWN: Final = ", ".join(f"{number} {atom}" for number, atom in enumerate(ATOMS))
+
+
+def one_action(given: Any) -> int:
+    """The number of the action that is given.
+
+    Raises:
+        TypeError: it is no integer.
+        ValueError: no action has that number.
+    """
+    if isinstance(given, int) and not isinstance(given, bool):
+        number = given
+    elif isinstance(given, np.integer | np.ndarray) and given.shape == () and given.dtype.kind in "iu":
+        number = int(given)
+    else:
+        raise TypeError(f"the action is {_shown(given)}; expected an integer: {KNOWN}")
+    if not 0 <= number < COUNT:
+        raise ValueError(f"unknown action {_shown(given)}; expected {KNOWN}")
+    return number
+
+
+def several_actions(given: Any, count: int) -> Integers:
+    """The numbers of `count` actions, shape (N,), from an array of integers or a sequence of them.
+
+    Raises:
+        TypeError: they are no integers.
+        ValueError: there are more or fewer, they are of another shape, or no action has such a number.
+    """
+    numbers = given if type(given) is np.ndarray else _array(given, count)
+    if numbers.dtype.kind not in "iu":
+        raise TypeError(f"the actions are {_shown(given)}; expected {count} integers: {KNOWN}")
+    if numbers.shape != (count,):
+        raise ValueError(
+            f"the actions {_shown(given)} are of shape {numbers.shape}; expected ({count},), one for each "
+            "environment"
+        )
+    if numbers.min() < 0 or numbers.max() >= COUNT:
+        raise ValueError(f"unknown action in {_shown(given)}; expected {KNOWN}")
+    return numbers.astype(np.int64, copy=False)
+
+
+def _array(given: Any, count: int) -> npt.NDArray[Any]:
+    """What is given as an array; a sequence holds integers, or it would be rounded to some or filled up."""
+    if isinstance(given, list | tuple):
+        if len(given) != count:
+            raise ValueError(
+                f"{len(given)} actions {_shown(given)}; expected {count}: one for each environment"
+            )
+        return np.array([one_action(item) for item in given], dtype=np.int64)
+    if isinstance(given, np.ma.MaskedArray) or not hasattr(given, "__array__"):
+        raise TypeError(f"the actions are {_shown(given)}; expected an array of {count} integers: {KNOWN}")
+    return np.asarray(given)
+
+
+def _shown(given: object) -> str:
+    """What was given, short and in one line."""
+    return " ".join(reprlib.repr(given).split())

@@ -1,0 +1,165 @@
+"""Many scenes at once, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, TypeAlias, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene.actions import Action
+from drlsl.driving.scene.model import EGO, SCHEMA, Road, Scene, Vehicle
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+Batch = TypeVar("Batch", "SceneBatch", "Decisions")
+
+EGO_ID: Final = -1
+"""`SceneBatch.id` of the ego; other vehicles have ids >= 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneBatch:
+    """N scenes with up to K vehicles each: the ego in column 0, in the `valid` slots who is in range.
+
+    `road` (N,) indexes `roads`; `target_lane` (N,) lane ids; the rest are of shape (N, K + 1): `id`, `lane`
+    ids, `x`, `y` [m], `vx`, `vy` [m/s], `length`, `width` [m]. Numbers of slots that are not valid are
+    finite and mean nothing.
+    """
+
+    roads: tuple[Road, ...]
+    road: Integers
+    target_lane: Integers
+    id: Integers
+    lane: Integers
+    x: Floats
+    y: Floats
+    vx: Floats
+    vy: Floats
+    length: Floats
+    width: Floats
+    valid: Mask
+
+    def __len__(self) -> int:
+        return len(self.road)
+
+    def scene(self, index: int) -> Scene:
+        """One scene of the batch; vehicle 12 is called v12."""
+        rows = np.flatnonzero(self.valid[index]).tolist()
+        columns = (self.id, self.lane, self.x, self.y, self.vx, self.vy, self.length, self.width)
+        ids, *numbers = (column[index][rows].tolist() for column in columns)
+        names = [EGO if vehicle == EGO_ID else f"v{vehicle}" for vehicle in ids]
+        ego, *others = map(Vehicle, names, *numbers)
+        return Scene(self.roads[int(self.road[index])], ego, tuple(others), int(self.target_lane[index]))
+
+    @classmethod
+    def of(cls, scenes: Sequence[Scene]) -> SceneBatch:
+        """Make the batch of `scenes`, each with the vehicles in range, numbered in their order.
+
+        Raises:
+            TypeError, ValueError: a lane is no integer of 64 bits, or another value no number.
+        """
+        roads: dict[Road, int] = {}
+        road = [roads.setdefault(scene.road, len(roads)) for scene in scenes]
+        conform = SCHEMA.relations["vehicle", 8].conform
+        rows = [conform((scene.ego, *scene.in_range())) for scene in scenes]
+        slots = max(map(len, rows))
+        numbers = np.zeros((6, len(rows), slots))
+        lane = np.zeros((len(rows), slots), dtype=np.int64)
+        valid = np.zeros((len(rows), slots), dtype=np.bool_)
+        for n, vehicles in enumerate(rows):
+            numbers[:, n, : len(vehicles)] = np.array([vehicle[2:] for vehicle in vehicles]).T
+            try:
+                lane[n, : len(vehicles)] = [vehicle[1] for vehicle in vehicles]
+            except OverflowError as error:
+                raise ValueError(f"a lane of scene {n} is no integer of 64 bits") from error
+            valid[n, : len(vehicles)] = True
+        ids = np.broadcast_to(np.arange(EGO_ID, slots + EGO_ID), valid.shape)
+        return cls.from_numbers(
+            numbers,
+            roads=tuple(roads),
+            road=np.array(road),
+            target_lane=np.array([scene.target_lane for scene in scenes]),
+            id=ids,
+            lane=lane,
+            valid=valid,
+        )
+
+    @classmethod
+    def from_numbers(
+        cls,
+        numbers: Floats,
+        *,
+        roads: tuple[Road, ...],
+        road: Integers,
+        target_lane: Integers,
+        id: Integers,
+        lane: Integers,
+        valid: Mask,
+    ) -> SceneBatch:
+        """A batch whose x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
+        x, y, vx, vy, length, width = numbers
+        return cls(roads, road, target_lane, id, lane, x, y, vx, vy, length, width, valid)
+
+    def put(self, places: Integers, scenes: SceneBatch) -> None:
+        """Write `scenes`, of as many slots and the same roads, into `places`."""
+        _put(self, places, scenes)
+
+    def replaced(self, places: Integers, scenes: SceneBatch) -> SceneBatch:
+        """A copy in which `scenes`, of as many slots and the same roads, stand in `places`."""
+        result = _copied(self)
+        result.put(places, scenes)
+        return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decisions:
+    """What the rules say about N scenes.
+
+    `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
+    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the
+    fail-safe instead of an answer.
+    """
+
+    action_mask: Mask
+    target_speed: Floats
+    observation: Floats
+    front_is_free: Mask
+    lane_to_keep: Integers
+    failures: dict[int, str]
+
+    def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
+        """A copy in which `decisions` stand in `places`."""
+        result, order = _copied(self), places.tolist()
+        _put(result, places, decisions)
+        kept = {place: why for place, why in self.failures.items() if place not in order}
+        new = {order[place]: why for place, why in decisions.failures.items()}
+        return replace(result, failures=kept | new)
+
+
+def _copied(batch: Batch) -> Batch:
+    """The same with its arrays copied."""
+    columns = ((field.name, getattr(batch, field.name)) for field in fields(batch))
+    arrays: dict[str, Any] = {name: one.copy() for name, one in columns if isinstance(one, np.ndarray)}
+    return replace(batch, **arrays)
+
+
+def _put(batch: Batch, places: Integers, other: Batch) -> None:
+    """Write the rows of the arrays of `other` into `places`."""
+    for field in fields(batch):
+        array = getattr(batch, field.name)
+        if isinstance(array, np.ndarray):
+            array[places] = getattr(other, field.name)
+
+
+def fail_safe_speed(speed: float, road: Road) -> float:
+    """The target speed [m/s] of the fail-safe: as hard as the ego brakes."""
+    return max(0.0, speed - road.braking_limit * road.time_step)
+
+
+FAIL_SAFE_MASK: Final = tuple(action is Action.LANE_KEEPING for action in Action)
+"""The action mask of the fail-safe: keep the lane, and brake."""

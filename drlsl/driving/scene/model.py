@@ -1,0 +1,143 @@
+"""One moment of traffic around the ego, and the facts that tell the rules about it; no NumPy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypeAlias
+
+from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.traffic import Direction, Lane
+
+EGO: Final = "ego"
+"""The atom that names the ego in the rules."""
+
+Row: TypeAlias = tuple[str | int | float, ...]
+Facts: TypeAlias = dict[tuple[str, int], list[Row]]
+
+
+class Vehicle(NamedTuple):
+    """A vehicle's box and velocity; in this order the row of a `vehicle/8` fact.
+
+    `lane` is the id of the lane that holds the centre, 0 for none; `x`, `y` [m] the centre, `vx`, `vy`
+    [m/s] the velocity in road coordinates, `length` along the road and `width` across it [m].
+    """
+
+    id: str
+    lane: int
+    x: float
+    y: float
+    vx: float
+    vy: float
+    length: float
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class Road:
+    """What stays the same from step to step: the lanes, the time step and what the ego can do.
+
+    `time_step` [s], `radar_range` [m], `acceleration_limit`, `braking_limit` [m/s²]; `centre_tolerance`
+    [m]: how near its lane's centre the ego takes up a lane change.
+    """
+
+    lanes: tuple[Lane, ...]
+    time_step: float
+    radar_range: float
+    acceleration_limit: float
+    braking_limit: float
+    centre_tolerance: float
+
+    def lanes_of(self, direction: Direction) -> tuple[Lane, ...]:
+        """The lanes of one direction, in the order of the road."""
+        return tuple(lane for lane in self.lanes if lane.direction is direction)
+
+    def lane(self, lane_id: int) -> Lane | None:
+        """The lane of that id, if the road has it."""
+        return next((lane for lane in self.lanes if lane.id == lane_id), None)
+
+    def lane_at(self, y: float, lanes: Iterable[Lane] | None = None) -> int:
+        """Id of the lane whose strip holds `y` [m], among `lanes` or all; 0 for none."""
+        for lane in self.lanes if lanes is None else lanes:
+            if abs(y - lane.centre) <= lane.width / 2:
+                return lane.id
+        return 0
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The ego, the vehicles around it and the road; `target_lane` is the lane that the ego steers for."""
+
+    road: Road
+    ego: Vehicle
+    vehicles: tuple[Vehicle, ...]
+    target_lane: int
+
+    def in_range(self) -> tuple[Vehicle, ...]:
+        """The vehicles in radar range; one whose place is NaN is kept, for the rules to fail on."""
+        ego, reach = self.ego, self.road.radar_range
+        return tuple(car for car in self.vehicles if not math.hypot(car.x - ego.x, car.y - ego.y) > reach)
+
+    @property
+    def forward(self) -> int:
+        """The sign of x that is forward for the ego: by its lane, or outside any by its motion."""
+        lane = self.road.lane(self.ego.lane)
+        if lane is not None:
+            return lane.direction.sign
+        return 1 if self.ego.vx >= 0 else -1
+
+
+def bumper_gap(one: Vehicle, other: Vehicle) -> float:
+    """From bumper to bumper along the road [m]; below 0 where two vehicles are alongside."""
+    return abs(one.x - other.x) - (one.length + other.length) / 2
+
+
+SCHEMA: Final = Schema(
+    [
+        Relation(
+            "vehicle",
+            ("atom", "int", "float", "float", "float", "float", "float", "float"),
+            key=0,
+            first=EGO,
+            capacity=40,
+            fields=Vehicle._fields,
+        ),
+        Relation(
+            "road_lane",
+            ("int", "atom", "float", "float", "float"),
+            key=0,
+            capacity=6,
+            fields=("id", "direction", "centre", "width", "speed_limit"),
+        ),
+        Relation("target_lane", ("int",), single=True),
+        Relation("time_step", ("float",), single=True),
+        Relation("radar_range", ("float",), single=True),
+        Relation("acceleration_limit", ("float",), single=True),
+        Relation("braking_limit", ("float",), single=True),
+        Relation("centre_tolerance", ("float",), single=True),
+    ]
+)
+"""What the facts of a scene look like."""
+
+
+def road_facts(road: Road) -> Facts:
+    """The facts that hold for every scene on one road."""
+    return {
+        ("road_lane", 5): [
+            (lane.id, lane.direction.value, lane.centre, lane.width, lane.speed_limit) for lane in road.lanes
+        ],
+        ("time_step", 1): [(road.time_step,)],
+        ("radar_range", 1): [(road.radar_range,)],
+        ("acceleration_limit", 1): [(road.acceleration_limit,)],
+        ("braking_limit", 1): [(road.braking_limit,)],
+        ("centre_tolerance", 1): [(road.centre_tolerance,)],
+    }
+
+
+def scene_facts(scene: Scene) -> Facts:
+    """The facts of one moment: the ego first, then the vehicles in radar range."""
+    return {
+        ("vehicle", 8): [scene.ego, *scene.in_range()],
+        ("target_lane", 1): [(scene.target_lane,)],
+    }

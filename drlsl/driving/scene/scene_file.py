@@ -1,0 +1,219 @@
+"""The JSON form of a scene, for `drlsl query --state FILE`; units are in the names of the fields."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from drlsl.driving.scene.ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
+from drlsl.errors import UserError
+from drlsl.plain_text import parse_json, read_text
+from drlsl.traffic import Direction, Lane
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class _Model(BaseModel):
+    # Only whole scenes are validated: their parts need no validators of their own, which saves time.
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, defer_build=True)
+
+
+class LaneModel(_Model):
+    """One lane of the road."""
+
+    id: int = Field(ge=1, description="The lane's number; any order, each once.")
+    direction: Literal["left_to_right", "right_to_left"] = Field(
+        description="Which way it runs: left_to_right is +x; y points downward, so its left is -y."
+    )
+    centre_m: float = Field(description="The y of its centre line.")
+    width_m: Positive = Field(description="Its width.")
+    speed_limit_mps: Positive = Field(description="Its speed limit.")
+
+
+class RoadModel(_Model):
+    """The road and the sensing."""
+
+    lanes: list[LaneModel] = Field(min_length=1, description="Every lane, of both directions.")
+    time_step_s: Positive = Field(0.04, description="The time until the rules are asked again.")
+    radar_range_m: Positive = Field(100.0, description="How far the ego sees.")
+
+
+class BoxModel(_Model):
+    """A vehicle's box and velocity."""
+
+    x_m: float = Field(description="The centre along the road.")
+    y_m: float = Field(description="The centre across the road, downward.")
+    vx_mps: float = Field(description="Velocity along x: negative for right_to_left.")
+    vy_mps: float = Field(0.0, description="Velocity along y: positive is downward.")
+    length_m: Positive = Field(4.6, description="Length along the road.")
+    width_m: Positive = Field(1.9, description="Width across the road.")
+    lane: int | None = Field(None, description="Its lane; if not given, the lane that holds its centre.")
+
+
+class EgoModel(BoxModel):
+    """The vehicle that asks."""
+
+    target_lane: int | None = Field(
+        None, description="The lane it steers for; if not given, the lane it is in."
+    )
+
+
+class VehicleModel(BoxModel):
+    """Another vehicle."""
+
+    id: str = Field(min_length=1, description="Its name; each once, and not 'ego'.")
+
+
+class SceneModel(_Model):
+    """A scene: the road, the ego and the vehicles around it."""
+
+    road: RoadModel
+    ego: EgoModel
+    vehicles: list[VehicleModel] = Field([], description="The other vehicles, in any order.")
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file.
+
+    Raises:
+        UserError: the file cannot be read, is not JSON (with line and column), or is not a possible scene.
+    """
+    return parse_scene(read_text(path, "the scene"), str(path))
+
+
+def parse_scene(text: str, name: str) -> Scene:
+    """The scene that JSON `text` describes; `name` is what errors call it.
+
+    Raises:
+        UserError: the text is not JSON (with line and column), or not a possible scene.
+    """
+    data = parse_json(text, name)
+    try:
+        model = SceneModel.model_validate(data)
+    except ValidationError as error:
+        raise UserError(f"{name}: {_first_problem(error)}") from error
+    for problem in _problems(model):
+        raise UserError(f"{name}: {problem}")
+    return _scene(model)
+
+
+def _first_problem(error: ValidationError) -> str:
+    """The first thing wrong, with its place, and how many more there are."""
+    problems = error.errors(include_url=False, include_context=False)
+    first = problems[0]
+    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    if first["type"] == "missing":
+        return f"{place} is missing{more}"
+    if first["type"] == "extra_forbidden":
+        return f"{place} is not a field of a scene{more}; docs/scene.schema.json lists them"
+    given = first["input"]
+    shown = f", got {given!r}" if isinstance(given, str | int | float | bool | None) else ""
+    return f"{place or 'the scene'}: {first['msg'][:1].lower()}{first['msg'][1:]}{shown}{more}"
+
+
+def _problems(model: SceneModel) -> Iterator[str]:
+    """What the fields' types cannot say."""
+    known = Counter(lane.id for lane in model.road.lanes)
+    for lane_id, times in known.items():
+        if times > 1:
+            yield f"road.lanes has lane {lane_id} {times} times; each lane needs an id of its own"
+    listed = ", ".join(map(str, known))
+    for place, lane in _named_lanes(model):
+        if lane not in known:
+            yield f"{place} is {lane}, a lane that the road lacks; it has {listed}"
+    names = Counter(vehicle.id for vehicle in model.vehicles)
+    for name, times in names.items():
+        if name == EGO:
+            yield f"vehicles has one called {EGO!r}; that name is the ego's own"
+        if times > 1:
+            yield f"vehicles has {name!r} {times} times; each vehicle needs an id of its own"
+    road = _road(model.road)
+    if model.ego.lane is None and not road.lane_at(model.ego.y_m):
+        yield f"ego.y_m is {model.ego.y_m}, which is in no lane of the road; give ego.lane or move the ego"
+
+
+def _named_lanes(model: SceneModel) -> Iterator[tuple[str, int]]:
+    if model.ego.lane is not None:
+        yield "ego.lane", model.ego.lane
+    if model.ego.target_lane is not None:
+        yield "ego.target_lane", model.ego.target_lane
+    for index, vehicle in enumerate(model.vehicles):
+        if vehicle.lane is not None:
+            yield f"vehicles[{index}].lane", vehicle.lane
+
+
+def _road(model: RoadModel) -> Road:
+    lanes = sorted(
+        (
+            Lane(lane.id, Direction(lane.direction), lane.centre_m, lane.width_m, lane.speed_limit_mps)
+            for lane in model.lanes
+        ),
+        key=lambda lane: lane.centre,
+    )
+    return Road(
+        lanes=tuple(lanes),
+        time_step=model.time_step_s,
+        radar_range=model.radar_range_m,
+        acceleration_limit=ACCELERATION_LIMIT,
+        braking_limit=BRAKING_LIMIT,
+        centre_tolerance=CENTRE_TOLERANCE,
+    )
+
+
+def _vehicle(name: str, box: BoxModel, road: Road) -> Vehicle:
+    lane = road.lane_at(box.y_m) if box.lane is None else box.lane
+    return Vehicle(name, lane, box.x_m, box.y_m, box.vx_mps, box.vy_mps, box.length_m, box.width_m)
+
+
+def _scene(model: SceneModel) -> Scene:
+    road = _road(model.road)
+    ego = _vehicle(EGO, model.ego, road)
+    return Scene(
+        road=road,
+        ego=ego,
+        vehicles=tuple(_vehicle(vehicle.id, vehicle, road) for vehicle in model.vehicles),
+        target_lane=ego.lane if model.ego.target_lane is None else model.ego.target_lane,
+    )
+
+
+def scene_json(scene: Scene) -> str:
+    """The scene file of `scene`, which `load_scene` reads back as the same scene."""
+    road = scene.road
+    data = {
+        "road": {
+            "lanes": [
+                {
+                    "id": lane.id,
+                    "direction": lane.direction.value,
+                    "centre_m": lane.centre,
+                    "width_m": lane.width,
+                    "speed_limit_mps": lane.speed_limit,
+                }
+                for lane in road.lanes
+            ],
+            "time_step_s": road.time_step,
+            "radar_range_m": road.radar_range,
+        },
+        "ego": {**_box_json(scene.ego), "target_lane": scene.target_lane},
+        "vehicles": [{"id": vehicle.id, **_box_json(vehicle)} for vehicle in scene.vehicles],
+    }
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def _box_json(vehicle: Vehicle) -> dict[str, float | int]:
+    box = {
+        "x_m": vehicle.x,
+        "y_m": vehicle.y,
+        "vx_mps": vehicle.vx,
+        "vy_mps": vehicle.vy,
+        "length_m": vehicle.length,
+        "width_m": vehicle.width,
+    }
+    return {**box, "lane": vehicle.lane} if vehicle.lane else dict(box)

@@ -1,0 +1,5 @@
+"""The shield: what the rules say about a scene, by the interpreter or by faster tiers."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""The world: egos that drive in recorded traffic, and who is to blame for a contact."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

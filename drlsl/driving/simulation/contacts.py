@@ -1,0 +1,72 @@
+"""Who touches whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene import SceneBatch
+from drlsl.driving.simulation.fault import Verdict
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A contact of one ego: the vehicle's id, the verdict, and the difference of their speeds [m/s]."""
+
+    vehicle: int
+    verdict: Verdict
+    closing_speed: float
+
+    @property
+    def at_fault(self) -> bool:
+        """Whether the ego is to blame."""
+        return self.verdict is Verdict.AT_FAULT
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surroundings:
+    """The scenes around egos; of shape (N, S): who is `recorded`, and where seen from the ego, `dx`, `dy`."""
+
+    scenes: SceneBatch
+    recorded: Mask
+    dx: Floats
+    dy: Floats
+
+    def touching(self, playing: Mask, largest: Floats) -> Iterator[tuple[int, int]]:
+        """Which of the egos that `playing` marks touches whom: ego and slot.
+
+        `largest`: the greatest length and width of others [m].
+        """
+        scenes = self.scenes
+        length, width = float(scenes.length[0, 0]), float(scenes.width[0, 0])
+        near = np.abs(self.dx) < (largest[0] + length) / 2
+        near &= np.abs(self.dy) < (largest[1] + width) / 2
+        near &= self.recorded
+        for place in near.ravel().nonzero()[0].tolist():
+            ego, slot = divmod(place, near.shape[1])
+            if (
+                playing[ego]
+                and abs(self.dx[ego, slot]) < (scenes.length[ego, slot] + length) / 2
+                and abs(self.dy[ego, slot]) < (scenes.width[ego, slot] + width) / 2
+            ):
+                yield ego, slot
+
+
+def worst_contacts(
+    touching: Iterator[tuple[int, int]], judged: Callable[[int, int], Contact]
+) -> dict[int, Contact]:
+    """The contact of each ego that touches somebody; of several, one at fault first."""
+    contacts: dict[int, Contact] = {}
+    for ego, slot in touching:
+        if ego not in contacts or not contacts[ego].at_fault:
+            contact = judged(ego, slot)
+            if contact.at_fault or ego not in contacts:
+                contacts[ego] = contact
+    return contacts

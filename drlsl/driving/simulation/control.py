@@ -1,0 +1,104 @@
+"""The two PI controllers and the motion of the ego, for N egos at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+
+LATERAL_ACCELERATION_LIMIT: Final = 3.0
+"""The hardest the ego can move sideways [m/s²]."""
+
+LATERAL_SPEED_LIMIT: Final = 1.8
+"""The fastest the ego moves sideways [m/s]; a lane change of 3.5 m takes about 3 s."""
+
+SPEED_INTEGRAL_GAIN: Final = 0.1
+"""Integral gain of the speed controller [1/s²]."""
+
+LANE_GAIN: Final = 1.2
+"""Proportional gain of the lane controller [1/s]: offset from the centre to sideways speed."""
+
+LANE_INTEGRAL_GAIN: Final = 0.05
+"""Integral gain of the lane controller [1/s²]."""
+
+LANE_INTEGRAL_BAND: Final = 0.5
+"""Offset [m] beyond which the lane controller does not integrate: a lane change must not wind it up."""
+
+
+@dataclass
+class SpeedController:
+    """PI control of the speed along the road; state of shape (N,).
+
+    The proportional gain is one over the time step, so that the acceleration the rules ask for is what the
+    ego does: any less would brake softer than the rules derived to be safe.
+    """
+
+    integral: Floats
+
+    @classmethod
+    def for_egos(cls, count: int) -> SpeedController:
+        """A controller for `count` egos, at rest."""
+        return cls(np.zeros(count))
+
+    def reset(self, ego: int) -> None:
+        """Forget the past of one ego."""
+        self.integral[ego] = 0.0
+
+    def acceleration(self, speed: Floats, target: Floats, dt: Floats) -> Floats:
+        """Acceleration [m/s²] for speeds and target speeds [m/s] and time steps [s], all of shape (N,)."""
+        error = target - speed
+        wanted = error / dt + SPEED_INTEGRAL_GAIN * self.integral
+        limited = np.minimum(np.maximum(wanted, -BRAKING_LIMIT), ACCELERATION_LIMIT)
+        self.integral += np.where(wanted == limited, error * dt, -self.integral)
+        return limited
+
+
+@dataclass
+class LaneController:
+    """PI control of the place across the road; state of shape (N,).
+
+    The offset from the target lane's centre asks for a sideways speed, limited; the sideways acceleration,
+    limited too, reaches for that speed within one step.
+    """
+
+    integral: Floats
+
+    @classmethod
+    def for_egos(cls, count: int) -> LaneController:
+        """A controller for `count` egos, at rest."""
+        return cls(np.zeros(count))
+
+    def reset(self, ego: int) -> None:
+        """Forget the past of one ego."""
+        self.integral[ego] = 0.0
+
+    def acceleration(self, y: Floats, vy: Floats, target_y: Floats, dt: Floats) -> Floats:
+        """Sideways acceleration [m/s²] for places [m], sideways speeds [m/s] and time steps [s], all (N,)."""
+        error = target_y - y
+        near = np.abs(error) < LANE_INTEGRAL_BAND
+        self.integral = np.where(near, self.integral + error * dt, 0.0)
+        wanted = LANE_GAIN * error + LANE_INTEGRAL_GAIN * self.integral
+        speed = np.minimum(np.maximum(wanted, -LATERAL_SPEED_LIMIT), LATERAL_SPEED_LIMIT)
+        needed = (speed - vy) / dt
+        return np.minimum(np.maximum(needed, -LATERAL_ACCELERATION_LIMIT), LATERAL_ACCELERATION_LIMIT)
+
+
+def move(place: Floats, speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
+    """Place and speed one step later under constant acceleration; all of shape (N,)."""
+    later = speed + acceleration * dt
+    return place + (speed + later) / 2 * dt, later
+
+
+def move_forward(speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
+    """The way of one step and the speed after it; braking ends at standstill and never reverses.
+
+    All of shape (N,), `speed` >= 0.
+    """
+    later = np.maximum(speed + acceleration * dt, 0.0)
+    return (speed + later) / 2 * dt, later

@@ -1,0 +1,144 @@
+"""Where the ego enters the road: a gap that the rules call safe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene import EGO_ID, SceneBatch
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation.playback import Playback
+from drlsl.errors import UserError
+from drlsl.traffic import Lane
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+
+OFFSET: Final = 60.0
+"""How far into the recorded stretch the ego enters at least [m], so that it sees who follows."""
+
+ZONE: Final = 80.0
+"""Length of the part of the road where the ego enters [m]."""
+
+PLACES: Final = 16
+"""Places in each lane."""
+
+PAUSE: Final = 0.5
+"""Time between two frames that are searched for a gap [s]."""
+
+AHEAD: Final = 4
+"""Frames of a search that the rules are asked about at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A place to enter: frame, lane, x [m] and speed [m/s]."""
+
+    frame: int
+    lane: Lane
+    x: float
+    speed: float
+
+
+class Entries:
+    """The places early in a playback's stretch, and in which frames the rules call them safe to enter.
+
+    The rules are asked about a frame when it is first searched, and what they said is kept. An ego enters
+    with the speed of the traffic around.
+    """
+
+    def __init__(self, playback: Playback, shield: Shield, size: tuple[float, float]) -> None:
+        """`size`: length and width of the ego [m]."""
+        begin = min(OFFSET, playback.length / 4)
+        end = min(begin + ZONE, playback.length / 2)
+        along = begin + (np.arange(PLACES) + 0.5) * (end - begin) / PLACES
+        count = len(playback.lanes) * PLACES
+        self._playback = playback
+        self._shield = shield
+        self._size = size
+        self._step = max(1, round(PAUSE / playback.road.time_step))
+        self._lane = np.repeat(np.arange(len(playback.lanes)), PLACES)
+        self._lane_id = np.array([lane.id for lane in playback.lanes])[self._lane]
+        self._centre = np.array([lane.centre for lane in playback.lanes])[self._lane]
+        self._limit = np.array([lane.speed_limit for lane in playback.lanes])[self._lane]
+        self._x = np.tile(playback.at(along), len(playback.lanes))
+        self._known = np.zeros(playback.frames, dtype=np.bool_)
+        self._safe = np.zeros((playback.frames, count), dtype=np.bool_)
+        self._speed = np.zeros((playback.frames, count))
+
+    def find(self, rng: np.random.Generator, *, frame: int, lane: Lane | None = None) -> Entry:
+        """A place drawn among the safe ones at `frame` or soon after, in `lane` if there is one in it.
+
+        Raises:
+            UserError: no frame of the recording has a safe place.
+        """
+        playback = self._playback
+        for start in range(frame, frame + playback.frames, self._step):
+            at = start % playback.frames
+            if not self._known[at]:
+                self._ask(np.arange(start, start + AHEAD * self._step, self._step) % playback.frames)
+            safe = self._safe[at].nonzero()[0]
+            preferred = safe if lane is None else safe[self._lane_id[safe] == lane.id]
+            choices = preferred if preferred.size else safe
+            if choices.size:
+                chosen = int(choices[rng.integers(choices.size)])
+                x, speed = float(self._x[chosen]), float(self._speed[at, chosen])
+                return Entry(at, playback.lanes[int(self._lane[chosen])], x, speed)
+        raise UserError(
+            f"no gap that the rules call safe in {playback.frames} frames of {playback.direction.value} "
+            "traffic; use a recording with less traffic or rules that ask for less room"
+        )
+
+    def _ask(self, frames: Integers) -> None:
+        """Have the rules say what is safe in some frames."""
+        frames = np.unique(frames[~self._known[frames]])
+        speed = self._traffic_speed(frames)
+        safe = np.array(self._shield.entries_are_safe(self._scenes(frames, speed)))
+        self._safe[frames] = safe.reshape(speed.shape)
+        self._speed[frames] = speed
+        self._known[frames] = True
+
+    def _traffic_speed(self, frames: Integers) -> Floats:
+        """The mean speed of the nearest vehicles in front and behind, at most the limit; the limit if alone.
+
+        Of shape (F, P).
+        """
+        film, sign = self._playback.film, self._playback.sign
+        offset = sign * (film.numbers[0, frames][:, None, :] - self._x[:, None])
+        seen = film.valid[frames][:, None, :] & (film.lane[frames][:, None, :] == self._lane_id[:, None])
+        seen &= np.abs(offset) <= self._playback.road.radar_range
+        speed = sign * film.numbers[2, frames]
+        total, found = np.zeros(offset.shape[:2]), np.zeros(offset.shape[:2])
+        for side in (seen & (offset >= 0), seen & (offset < 0)):
+            nearest = np.where(side, np.abs(offset), np.inf).argmin(axis=2)
+            there = side.any(axis=2)
+            total += np.where(there, np.take_along_axis(speed, nearest, axis=1), 0.0)
+            found += there
+        mean = np.where(found > 0, total / np.maximum(found, 1.0), self._limit)
+        return np.asarray(np.minimum(np.maximum(mean, 0.0), self._limit))
+
+    def _scenes(self, frames: Integers, speed: Floats) -> SceneBatch:
+        """The scenes with the ego at every place in some frames, entering with `speed`, shape (F, P)."""
+        playback, film, count = self._playback, self._playback.film, len(frames)
+        rows = np.repeat(frames, len(self._x))
+        numbers, vehicle, lane = film.numbers[:, rows], film.vehicle[rows], film.lane[rows]
+        x, y = np.tile(self._x, count), np.tile(self._centre, count)
+        own: list[Floats | float] = [x, y, playback.sign * speed.ravel(), 0.0, *self._size]
+        for column, value in zip(numbers, own, strict=True):
+            column[:, 0] = value
+        vehicle[:, 0], lane[:, 0] = EGO_ID, np.tile(self._lane_id, count)
+        dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
+        valid = film.valid[rows] & (dx * dx + dy * dy <= playback.road.radar_range**2)
+        valid[:, 0] = True
+        return SceneBatch.from_numbers(
+            numbers,
+            roads=(playback.road,),
+            road=np.zeros(len(rows), dtype=np.int64),
+            target_lane=lane[:, 0],
+            id=vehicle,
+            lane=lane,
+            valid=valid,
+        )

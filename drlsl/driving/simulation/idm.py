@@ -1,0 +1,55 @@
+"""The Intelligent Driver Model: how hard a follower speeds up or brakes behind a leader.
+
+Source: Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3; parameters: Table 11.2, highway.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene import BRAKING_LIMIT
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+
+DESIRED_SPEED: Final = 120 / 3.6
+"""The speed on a free road [m/s]."""
+
+TIME_GAP: Final = 1.0
+"""The time headway that a follower keeps [s]."""
+
+MINIMUM_GAP: Final = 2.0
+"""The gap that it keeps at standstill [m]."""
+
+ACCELERATION: Final = 1.0
+"""How hard it speeds up at most [m/s²]."""
+
+COMFORTABLE_BRAKING: Final = 1.5
+"""How hard it brakes where nothing calls for more [m/s²]."""
+
+_LEAST_GAP: Final = 0.01
+"""Gaps count as at least so long [m]: the model divides by them."""
+
+
+def acceleration(gap: Floats, speed: Floats, leader_speed: Floats) -> Floats:
+    """What following a leader asks for [m/s²], at least full braking, at most what a free road does.
+
+    `gap` [m] from bumper to bumper, `speed` and `leader_speed` [m/s] along the road; all of one shape.
+    """
+    closing = speed * (speed - leader_speed) / (2 * math.sqrt(ACCELERATION * COMFORTABLE_BRAKING))
+    wanted = MINIMUM_GAP + np.maximum(0.0, speed * TIME_GAP + closing)
+    pressing = wanted / np.maximum(gap, _LEAST_GAP)
+    return np.maximum(free_acceleration(speed) - ACCELERATION * pressing * pressing, -BRAKING_LIMIT)
+
+
+def free_acceleration(speed: Floats) -> Floats:
+    """What a free road asks for [m/s²]: 0 for vehicles that are faster than the desired speed already.
+
+    The model's exponent is 4. Source: Table 11.2.
+    """
+    share = np.minimum(speed / DESIRED_SPEED, 1.0)
+    square = share * share
+    return np.asarray(ACCELERATION * (1.0 - square * square))

@@ -1,0 +1,249 @@
+"""Recordings laid out for driving in them: per-frame arrays that many egos read at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final, Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, Road
+from drlsl.driving.simulation.fault import Track
+from drlsl.errors import UserError
+from drlsl.traffic import Direction, Lane, Recording, load_recording
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+NUMBERS: Final = ("x", "y", "vx", "vy", "length", "width")
+"""The columns of `Film.numbers`, in order."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """The frames of recordings, one row each; slot 0 is empty in all of them: the ego's place in a scene.
+
+    `numbers` (6, R, S): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane` and `first`, as in the
+    recording, and `valid` (R, S).
+    """
+
+    numbers: Floats
+    vehicle: Integers
+    lane: Integers
+    first: Integers
+    valid: Mask
+
+    @classmethod
+    def of(cls, recording: Recording) -> Film:
+        """The film of one recording."""
+        frames = recording.frames
+        film = cls.blank(*frames.valid.shape)
+        for column, name in zip(film.numbers, NUMBERS, strict=True):
+            column[:, 1:] = np.where(frames.valid, getattr(frames, name), 0.0)
+        film.vehicle[:, 1:], film.lane[:, 1:], film.first[:, 1:] = frames.vehicle, frames.lane, frames.first
+        film.valid[:, 1:] = frames.valid
+        return film
+
+    @classmethod
+    def blank(cls, frames: int, vehicles: int) -> Film:
+        """A film without vehicles that has room for some."""
+        shape = (frames, vehicles + 1)
+        vehicle, lane, first = np.zeros((3, *shape), dtype=np.int64)
+        return cls(np.zeros((len(NUMBERS), *shape)), vehicle, lane, first, np.zeros(shape, dtype=np.bool_))
+
+    @classmethod
+    def joined(cls, films: Sequence[Film]) -> Film:
+        """The frames of several films, one film after another."""
+        if len(films) == 1:
+            return films[0]
+        film = cls.blank(sum(map(len, films)), max(one.valid.shape[1] for one in films) - 1)
+        begin = 0
+        for one in films:
+            part, slots = film.part(begin, begin + len(one)), one.valid.shape[1]
+            part.numbers[:, :, :slots] = one.numbers
+            for name in ("vehicle", "lane", "first", "valid"):
+                getattr(part, name)[:, :slots] = getattr(one, name)
+            begin += len(one)
+        return film
+
+    def part(self, begin: int, end: int) -> Film:
+        """Some of the rows, not copied."""
+        if (begin, end) == (0, len(self)):
+            return self
+        rows = slice(begin, end)
+        return Film(
+            self.numbers[:, rows], self.vehicle[rows], self.lane[rows], self.first[rows], self.valid[rows]
+        )
+
+    def __len__(self) -> int:
+        return int(self.valid.shape[0])
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """The film itself: nobody writes to one that is driven in."""
+        return self
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Playback:
+    """One direction of a recording's road: `lanes` are those of the direction."""
+
+    film: Film
+    road: Road
+    direction: Direction
+    lanes: tuple[Lane, ...]
+    x_min: float
+    x_max: float
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """The playback itself: nothing in it changes."""
+        return self
+
+    @property
+    def sign(self) -> int:
+        """The sign of motion along x."""
+        return self.direction.sign
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.film)
+
+    @property
+    def length(self) -> float:
+        """Length of the recorded stretch of road [m]."""
+        return self.x_max - self.x_min
+
+    def at(self, along: Floats | float) -> Floats | float:
+        """The x that is `along` [m] from the beginning of the stretch."""
+        return self.x_min + along if self.sign > 0 else self.x_max - along
+
+    def track(self, frame: int, slot: int, since: int) -> Track:
+        """The track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
+        begin = max(int(self.film.first[frame, slot]), since)
+        x, y, vx, _, length, width = self.film.numbers[:, begin : frame + 1, slot]
+        return Track(self.sign * x, y, self.sign * vx, float(length[-1]), float(width[-1]))
+
+
+def playbacks_of(recordings: Iterable[Recording], radar_range: float) -> list[Playback]:
+    """Both directions of each recording, for egos that see `radar_range` [m] far."""
+    result: list[Playback] = []
+    for recording in recordings:
+        film, road = Film.of(recording), road_of(recording, radar_range)
+        result.extend(
+            Playback(film, road, direction, recording.lanes_of(direction), recording.x_min, recording.x_max)
+            for direction in recording.directions
+        )
+    return result
+
+
+def in_direction(playbacks: Sequence[Playback], config: EnvConfig) -> list[Playback]:
+    """Those for an ego that drives as `config` says.
+
+    Raises:
+        UserError: there is none.
+    """
+    result = [one for one in playbacks if config.direction in ("both", one.direction.value)]
+    if not result:
+        raise UserError(
+            f"no lane runs {config.direction} in {', '.join(config.recordings)}; choose the other direction "
+            "or both"
+        )
+    return result
+
+
+def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
+    """For each configuration what its egos drive in; a recording is laid out once.
+
+    Raises:
+        UserError: a recording cannot be read, or has no lane of the direction that is asked for.
+    """
+    loaded: dict[tuple[str, float], list[Playback]] = {}
+    result = []
+    for config in configs:
+        playbacks = []
+        for name in config.recordings:
+            if (name, config.radar_range) not in loaded:
+                loaded[name, config.radar_range] = playbacks_of([load_recording(name)], config.radar_range)
+            playbacks.extend(loaded[name, config.radar_range])
+        result.append(in_direction(playbacks, config))
+    return result
+
+
+def road_of(recording: Recording, radar_range: float) -> Road:
+    """The road of `recording` for an ego that sees `radar_range` [m] far."""
+    return Road(
+        recording.lanes, recording.dt, radar_range, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Courses:
+    """What driving needs to know of the playbacks that N egos drive in; a value for each ego.
+
+    `begin`, `frames`: the first row of the film and how many; `dt` [s]; `sign` of motion along x; `road`, an
+    index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`, the edges
+    of the direction's lanes [m]; `lanes`, how many; `slots`, how many vehicles' places its own film has. Of
+    shape (N, L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
+    """
+
+    begin: Integers
+    frames: Integers
+    dt: Floats
+    sign: Floats
+    road: Integers
+    start: Floats
+    length: Floats
+    low: Floats
+    high: Floats
+    lanes: Integers
+    slots: Integers
+    lane_id: Integers
+    centre: Floats
+    width: Floats
+
+    def take(self, chosen: Integers) -> Courses:
+        """The courses that `chosen` names, shape (N,)."""
+        return Courses(*(getattr(self, field.name).take(chosen, axis=0) for field in fields(self)))
+
+
+class Playbacks:
+    """Several playbacks, laid out in one film; `courses` has a value for each of them."""
+
+    def __deepcopy__(self, memo: object) -> Self:
+        """The playbacks themselves: nothing in them changes."""
+        return self
+
+    def __init__(self, playbacks: Sequence[Playback]) -> None:
+        films = list(dict.fromkeys(playback.film for playback in playbacks))
+        self.film = Film.joined(films)
+        begins = dict(zip(films, np.cumsum([0, *map(len, films)]).tolist(), strict=False))
+        parts = {film: self.film.part(begins[film], begins[film] + len(film)) for film in films}
+        self.all = tuple(replace(one, film=parts[one.film]) for one in playbacks)
+        self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
+        lanes = max(len(one.lanes) for one in playbacks)
+        lane_id = np.zeros((len(playbacks), lanes), dtype=np.int64)
+        centre, width = np.full((2, len(playbacks), lanes), np.inf)
+        for index, one in enumerate(playbacks):
+            lane_id[index, : len(one.lanes)] = [lane.id for lane in one.lanes]
+            centre[index, : len(one.lanes)] = [lane.centre for lane in one.lanes]
+            width[index, : len(one.lanes)] = [lane.width for lane in one.lanes]
+        self.courses = Courses(
+            begin=np.array([begins[one.film] for one in playbacks]),
+            frames=np.array([one.frames for one in playbacks]),
+            dt=np.array([one.road.time_step for one in playbacks]),
+            sign=np.array([float(one.sign) for one in playbacks]),
+            road=np.array([self.roads.index(one.road) for one in playbacks]),
+            start=np.array([one.at(0.0) for one in playbacks]),
+            length=np.array([one.length for one in playbacks]),
+            low=np.array([min(lane.centre - lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            high=np.array([max(lane.centre + lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            lanes=np.array([len(one.lanes) for one in playbacks]),
+            slots=np.array([one.film.valid.shape[1] for one in playbacks]),
+            lane_id=lane_id,
+            centre=centre,
+            width=width,
+        )

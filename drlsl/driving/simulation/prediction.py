@@ -1,0 +1,78 @@
+"""Safe actions by linear prediction instead of rules: what MPSDQN masks its actions with.
+
+Every vehicle keeps its velocity; the ego keeps its speed along the road and moves sideways as its lane
+controller has it for each action. An action is offered unless, within the horizon, the ego's box meets
+another's or the ego leaves the lanes of its direction.
+
+Source: paper, MPSDQN, which looks one step ahead; here the horizon is a setting.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene import SceneBatch
+from drlsl.driving.simulation.control import LANE_GAIN, LATERAL_SPEED_LIMIT
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+TICK: Final = 0.1
+"""The longest time between two moments that are looked at [s]: in it, two cars that close in at 250 km/h do
+not pass through each other."""
+
+NOTHING_OFFERED: Final = "the prediction offers no action: each meets a vehicle or leaves the road"
+"""Why a scene has the prediction's fail-safe: keep the lane, as fast as the rules have it."""
+
+
+def predicted_actions(scenes: SceneBatch, targets: Floats, low: Floats, high: Floats, horizon: float) -> Mask:
+    """Which actions stay clear of others and on the road for `horizon` [s], shape (N, 3).
+
+    `targets` (N, 3): the y [m] that each action steers for, NaN for one that would not be taken up; `low` and
+    `high` (N,): the edges of the ego's lanes [m].
+    """
+    ticks = math.ceil(horizon / TICK)
+    times = horizon * np.arange(1, ticks + 1) / ticks
+    half = scenes.width[:, 0, None] / 2
+    edges = low[:, None] + half, high[:, None] - half
+    path = sideways(scenes.y[:, 0], targets, times)
+    on_road = (targets >= edges[0]) & (targets <= edges[1])
+    on_road &= ((path >= edges[0][..., None]) & (path <= edges[1][..., None])).all(axis=2)
+    return on_road & ~_meets(scenes, path, times)
+
+
+def sideways(y: Floats, targets: Floats, times: Floats) -> Floats:
+    """Where the ego is across the road [m] at `times` [s] on its way from `y` (N,) to `targets` (N, A).
+
+    The lane controller's law without its integral part and its limit of acceleration: as fast as it moves,
+    then ever slower towards the centre. Of shape (N, A, T).
+    """
+    error = y[:, None] - targets
+    knee = LATERAL_SPEED_LIMIT / LANE_GAIN
+    size = np.abs(error)[..., None]
+    until = np.maximum(size - knee, 0.0) / LATERAL_SPEED_LIMIT
+    eased = np.minimum(size, knee) * np.exp(-LANE_GAIN * np.maximum(times - until, 0.0))
+    left = np.where(times < until, size - LATERAL_SPEED_LIMIT * times, eased)
+    return np.asarray(targets[..., None] + np.sign(error)[..., None] * left)
+
+
+def _meets(scenes: SceneBatch, path: Floats, times: Floats) -> Mask:
+    """Whether the ego's box meets another on each path (N, A, T) across the road, shape (N, A)."""
+    offset = scenes.x[:, 1:] - scenes.x[:, :1]
+    drift = scenes.vx[:, 1:] - scenes.vx[:, :1]
+    reach = (scenes.length[:, 1:] + scenes.length[:, :1]) / 2
+    alongside = np.abs(offset[:, None] + drift[:, None] * times[:, None]) < reach[:, None]
+    alongside &= scenes.valid[:, None, 1:]
+    scene, tick, other = alongside.nonzero()
+    other += 1
+    y = scenes.y[scene, other] + scenes.vy[scene, other] * times[tick]
+    room = (scenes.width[scene, other] + scenes.width[scene, 0]) / 2
+    touches = np.abs(path[scene, :, tick] - y[:, None]) < room[:, None]
+    result = np.zeros(path.shape[:2], dtype=np.bool_)
+    row, action = touches.nonzero()
+    result[scene[row], action] = True
+    return result

@@ -1,0 +1,194 @@
+"""Traffic that reacts: recorded vehicles that brake for the ego instead of driving through it.
+
+A vehicle drives its recorded track until the Intelligent Driver Model has it brake, harder than the record
+does, for the ego or for another vehicle that has left the record. From then on it drives a *lag* behind its
+recorded place: where it is across the road, it is as recorded; along the road, it follows whoever is in its
+way, and makes up for its lag where there is room. It is never ahead of the record, and goes with its track.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.scene import BRAKING_LIMIT, SceneBatch
+from drlsl.driving.simulation import idm
+from drlsl.driving.simulation.fault import Track
+from drlsl.driving.simulation.playback import Courses, Film
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+SIDE_ROOM: Final = 0.5
+"""A vehicle ahead is in the way of one that would pass it by with less room between their sides [m]."""
+
+_LOOKED_AT: Final = 30
+"""Of so many cars ahead, on all lanes, the nearest in the way is followed."""
+
+_LEAST_LAG: Final = 1e-6
+"""The lag of a vehicle that has left the record, but is where it was recorded [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cars:
+    """Who is where in N scenes, along the ego's direction of travel; all of shape (N, S).
+
+    `there`: the ego, and every recorded vehicle that does not come the other way.
+    """
+
+    s: Floats
+    y: Floats
+    speed: Floats
+    length: Floats
+    width: Floats
+    there: Mask
+
+    @classmethod
+    def of(cls, scenes: SceneBatch, sign: Floats, recorded: Mask) -> _Cars:
+        speed = sign * scenes.vx
+        there = recorded & (speed >= 0.0)
+        there[:, 0] = True
+        return cls(sign * scenes.x, scenes.y, speed, scenes.length, scenes.width, there)
+
+
+class ReactiveTraffic:
+    """Who lags behind the record, around each of N egos; `lag` [m] >= 0 and `speed` [m/s], shape (N, S)."""
+
+    def __init__(self, film: Film, count: int, memory: int) -> None:
+        """`memory`: for how many steps it is known who lagged."""
+        self._film = film
+        self.lag = np.zeros((count, film.valid.shape[1]))
+        self.speed = np.zeros_like(self.lag)
+        self._past: deque[tuple[Integers, Floats, Floats]] = deque(maxlen=memory)
+
+    def forget(self, ego: int) -> None:
+        """Put everybody around an ego back on the record."""
+        self.lag[ego] = 0.0
+
+    def advance(self, scenes: SceneBatch, courses: Courses, frame: Integers) -> None:
+        """Drive from `frame`, shape (N,), in which the egos are in `scenes`, to the next one."""
+        rows = courses.begin + np.minimum(frame, courses.frames - 1)
+        later = courses.begin + np.minimum(frame + 1, courses.frames - 1)
+        cars = _Cars.of(scenes, courses.sign[:, None], self._film.valid.take(rows, axis=0))
+        moving = self.lag.ravel() > 0.0
+        rear, front = _followers(cars, self.lag > 0.0)
+        moving[rear] = True
+        places = moving.nonzero()[0]
+        if places.size:
+            demand = np.full(self.lag.size, np.inf)
+            demand[rear] = _demand(cars, rear, front)
+            self._drive(places, demand[places], cars.speed, courses, rows, later, frame + 1)
+        lagging = self.lag.ravel().nonzero()[0]
+        self._past.append((lagging, self.lag.ravel()[lagging], self.speed.ravel()[lagging]))
+
+    def apply(self, numbers: Floats, sign: Floats, places: Integers | None) -> None:
+        """Put the vehicles that lag in their places in recorded `numbers`, shape (6, P, S)."""
+        lag, speed = (
+            (self.lag, self.speed)
+            if places is None
+            else (self.lag.take(places, axis=0), self.speed.take(places, axis=0))
+        )
+        row, slot = lag.nonzero()
+        numbers[0, row, slot] -= sign[row] * lag[row, slot]
+        numbers[2, row, slot] = sign[row] * speed[row, slot]
+
+    def driven(self, ego: int, slot: int, track: Track) -> Track:
+        """What became of a recorded track that ends now."""
+        s, speed = track.s.copy(), track.speed.copy()
+        place = ego * self.lag.shape[1] + slot
+        for back in range(1, min(len(s), len(self._past)) + 1):
+            lagging, lag, driven = self._past[-back]
+            index = int(np.searchsorted(lagging, place))
+            if index < len(lagging) and lagging[index] == place:
+                s[-back] -= lag[index]
+                speed[-back] = driven[index]
+        return replace(track, s=s, speed=speed)
+
+    def get_state(self) -> dict[str, Any]:
+        """Who lags, and who lagged."""
+        past = [np.concatenate(columns) for columns in zip(*self._past, strict=True)]
+        counts = np.array([len(lagging) for lagging, _, _ in self._past], dtype=np.int64)
+        return {"lag": self.lag.copy(), "speed": self.speed.copy(), "past": past, "counts": counts}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave."""
+        self.lag, self.speed = state["lag"].copy(), state["speed"].copy()
+        ends = np.cumsum(state["counts"])[:-1]
+        columns = [np.split(column, ends) for column in state["past"]]
+        self._past = deque(zip(*columns, strict=True), maxlen=self._past.maxlen)
+
+    def _drive(
+        self,
+        places: Integers,
+        demand: Floats,
+        speeds: Floats,
+        courses: Courses,
+        rows: Integers,
+        later: Integers,
+        frame: Integers,
+    ) -> None:
+        """Move the vehicles in `places` of (N, S) to `frame`; `demand` [m/s²]: what following asks."""
+        film = self._film
+        ego, slot = np.divmod(places, self.lag.shape[1])
+        sign, dt = courses.sign[ego], courses.dt[ego]
+        row, next_row = rows[ego], later[ego]
+        recorded_way = sign * (film.numbers[0, next_row, slot] - film.numbers[0, row, slot])
+        recorded_speed = np.maximum(sign * film.numbers[2, next_row, slot], 0.0)
+        lag, speed = self.lag[ego, slot], speeds[ego, slot]
+        wanted = np.minimum(demand, idm.free_acceleration(speed))
+        leaves = (lag > 0.0) | (wanted < np.minimum(0.0, (recorded_speed - speed) / dt))
+        # To catch up, but so that comfortable braking leads to the recorded place at the recorded speed.
+        fastest = recorded_speed + np.sqrt(2 * idm.COMFORTABLE_BRAKING * lag)
+        new = np.maximum(np.minimum(speed + wanted * dt, fastest), speed - BRAKING_LIMIT * dt)
+        new = np.maximum(new, 0.0)
+        behind = lag + recorded_way - (speed + new) / 2 * dt
+        back = (behind <= 0.0) & (new >= recorded_speed)
+        same = film.valid[next_row, slot] & (film.first[next_row, slot] < frame[ego])
+        self.lag[ego, slot] = np.where(leaves & ~back & same, np.maximum(behind, _LEAST_LAG), 0.0)
+        self.speed[ego, slot] = new
+
+
+def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
+    """Who lags, or has an ego or somebody who lags in the way, and who that is, the nearest one.
+
+    As places in the flattened scenes. Egos follow nobody.
+    """
+    slots = cars.s.shape[1]
+    order = np.argsort(np.where(cars.there, cars.s, np.inf), axis=1, kind="stable")
+    there, lags = (np.take_along_axis(array, order, axis=1) for array in (cars.there, lagging))
+    y, reach = (np.take_along_axis(array, order, axis=1) for array in (cars.y, cars.width / 2))
+    column, ego = np.arange(slots), order == 0
+    leads = lags | ego
+    # Nobody else can have to answer to anyone.
+    last = slots - 1 - leads[:, ::-1].argmax(axis=1)
+    waiting = there & ~ego & (lags | (column < last[:, None]))
+    front = np.full(order.shape, -1)
+    for ahead in range(1, min(_LOOKED_AT, slots - 1) + 1):
+        if not waiting.any():
+            break
+        room = np.abs(y[:, ahead:] - y[:, :-ahead])
+        room -= reach[:, ahead:]
+        room -= reach[:, :-ahead]
+        meets = room < SIDE_ROOM
+        meets &= waiting[:, :-ahead]
+        meets &= there[:, ahead:]
+        np.copyto(front[:, :-ahead], column[ahead:], where=meets)
+        waiting[:, :-ahead] &= ~meets
+    scene, rear = (front >= 0).nonzero()
+    leader = front[scene, rear]
+    answers = lags[scene, rear] | leads[scene, leader]
+    scene, rear, leader = scene[answers], rear[answers], leader[answers]
+    return scene * slots + order[scene, rear], scene * slots + order[scene, leader]
+
+
+def _demand(cars: _Cars, rear: Integers, front: Integers) -> Floats:
+    """What following asks of the rear cars [m/s²]."""
+    s, length, speed = cars.s.ravel(), cars.length.ravel(), cars.speed.ravel()
+    gap = s[front] - s[rear] - (length[front] + length[rear]) / 2
+    return idm.acceleration(gap, speed[rear], speed[front])

@@ -1,0 +1,167 @@
+"""Sensing faults: what the rules see of other vehicles is noisy, incomplete and old.
+
+Errors of place and speed are first-order Gauss-Markov processes, one for each number of each vehicle; a
+vehicle is lost and found again as a two-state Markov process; what is seen is as old as the latency, or,
+soon after the ego was placed, as old as its presence on the road. Of itself the ego knows the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.config import SensingConfig
+from drlsl.driving.scene import Road, SceneBatch
+from drlsl.driving.simulation.playback import Courses, Playbacks
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+_SEEN: Final = ("x", "y", "vx", "vy", "length", "width", "id", "lane", "there")
+"""What is remembered of each vehicle for as long as the latency."""
+
+
+class Sensing:
+    """What N egos see of the vehicles around them; each ego's faults come from a generator of its own."""
+
+    def __init__(self, config: SensingConfig, playbacks: Playbacks, radar_range: float, count: int) -> None:
+        self._config = config
+        self._radar_range = radar_range
+        self._film = playbacks.film
+        self._lanes = _lane_table(playbacks.roads)
+        slots = self._film.valid.shape[1]
+        self._rngs = [np.random.default_rng() for _ in range(count)]
+        self._errors = np.zeros((4, count, slots))
+        self._lost = np.zeros((count, slots), dtype=np.bool_)
+        # How many looks ago the oldest one was that may be shown; one more is the present.
+        oldest = round(config.latency / float(playbacks.courses.dt.min()))
+        shape = (oldest + 1, count, slots)
+        self._ring: dict[str, npt.NDArray[Any]] = {
+            name: np.zeros(shape, dtype=np.float64 if place < 6 else np.int64 if place < 8 else np.bool_)
+            for place, name in enumerate(_SEEN)
+        }
+        self._now = np.zeros(count, dtype=np.int64)
+        self._looks = np.zeros(count, dtype=np.int64)
+
+    def begin(self, ego: int, rng: np.random.Generator) -> None:
+        """Begin an episode whose faults are a function of the state of `rng`, which stays as it is."""
+        twin = type(rng.bit_generator)(0)
+        twin.state = rng.bit_generator.state
+        seed = np.random.Generator(twin).integers(2**32, size=4)
+        self._rngs[ego] = np.random.default_rng(seed.tolist())
+
+    def forget(self, ego: int) -> None:
+        """The ego was placed anew: it has seen nothing yet."""
+        self._looks[ego] = 0
+
+    def perceive(self, scenes: SceneBatch, courses: Courses, frame: Integers, places: Integers) -> SceneBatch:
+        """What the egos in `places` see, who are in `scenes`, shape (P,), in `frame` of their courses."""
+        rows = courses.begin + np.minimum(frame, courses.frames - 1)
+        fresh = self._film.first.take(rows, axis=0) == frame[:, None]
+        fresh |= self._looks[places][:, None] == 0
+        self._drift(courses, fresh, places)
+        self._remember(scenes, self._film.valid.take(rows, axis=0), places)
+        return self.shown(scenes, courses, places)
+
+    def get_state(self) -> dict[str, Any]:
+        """The faults and what is remembered of the past."""
+        return {
+            "errors": self._errors.copy(),
+            "lost": self._lost.copy(),
+            "ring": {name: array.copy() for name, array in self._ring.items()},
+            "now": self._now.copy(),
+            "looks": self._looks.copy(),
+            "rngs": [rng.bit_generator.state for rng in self._rngs],
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave."""
+        self._errors, self._lost = state["errors"].copy(), state["lost"].copy()
+        self._ring = {name: array.copy() for name, array in state["ring"].items()}
+        self._now, self._looks = state["now"].copy(), state["looks"].copy()
+        for rng, rng_state in zip(self._rngs, state["rngs"], strict=True):
+            rng.bit_generator.state = rng_state
+
+    def _drift(self, courses: Courses, fresh: Mask, places: Integers) -> None:
+        """Move the faults on by one time step; those of `fresh` vehicles begin anew."""
+        config = self._config
+        normal = np.zeros((4, *fresh.shape))
+        uniform = np.ones(fresh.shape)
+        for index, (ego, slots) in enumerate(zip(places.tolist(), courses.slots.tolist(), strict=True)):
+            # As many draws as the ego's own recording has places, whatever others drive in.
+            normal[:, index, :slots] = self._rngs[ego].standard_normal((4, slots))
+            uniform[index, :slots] = self._rngs[ego].random(slots)
+        dt = courses.dt[:, None]
+        kept = np.exp(-dt / config.noise_time) if config.noise_time else np.zeros_like(dt)
+        old = self._errors[:, places]
+        self._errors[:, places] = np.where(fresh, normal, kept * old + np.sqrt(1.0 - kept * kept) * normal)
+        if config.drop_rate:
+            share = config.drop_rate
+            found = np.minimum(np.minimum(dt / config.drop_time, (1.0 - share) / share), 1.0)
+            lost = found * share / (1.0 - share)
+            chance = np.where(fresh, share, np.where(self._lost[places], 1.0 - found, lost))
+            self._lost[places] = uniform < chance
+
+    def _remember(self, scenes: SceneBatch, recorded: Mask, places: Integers) -> None:
+        """Add what is measured now to what is remembered."""
+        config, errors = self._config, self._errors[:, places]
+        y = scenes.y + config.position_noise * errors[1]
+        lane = scenes.lane
+        if config.position_noise:
+            lane = _lane_of(y, *self._lanes, scenes.road)
+        self._now[places] = (self._now[places] + 1) % len(self._ring["x"])
+        now = self._now[places]
+        for name, values in zip(
+            _SEEN,
+            (
+                scenes.x + config.position_noise * errors[0],
+                y,
+                scenes.vx + config.speed_noise * errors[2],
+                scenes.vy + config.speed_noise * errors[3],
+                scenes.length,
+                scenes.width,
+                scenes.id,
+                lane,
+                recorded & ~self._lost[places],
+            ),
+            strict=True,
+        ):
+            self._ring[name][now, places] = values
+        self._looks[places] += 1
+
+    def shown(self, scenes: SceneBatch, courses: Courses, places: Integers) -> SceneBatch:
+        """The scenes with the others as last perceived, as old as the latency."""
+        age = np.minimum(np.rint(self._config.latency / courses.dt).astype(np.int64), self._looks[places] - 1)
+        at = (self._now[places] - age) % len(self._ring["x"])
+        seen: dict[str, Any] = {name: array[at, places] for name, array in self._ring.items()}
+        there = seen.pop("there")
+        for name, values in seen.items():
+            values[:, 0] = getattr(scenes, name)[:, 0]
+        dx, dy = seen["x"] - seen["x"][:, :1], seen["y"] - seen["y"][:, :1]
+        valid = there & (dx * dx + dy * dy <= self._radar_range**2)
+        valid[:, 0] = True
+        return replace(scenes, valid=valid, **seen)
+
+
+def _lane_table(roads: tuple[Road, ...]) -> tuple[Integers, Floats, Floats]:
+    """The ids, centres and widths [m] of the lanes of each road, shape (R, L); NaN where there is no lane."""
+    most = max(len(road.lanes) for road in roads)
+    ids = np.zeros((len(roads), most), dtype=np.int64)
+    centre, width = np.full((2, len(roads), most), np.nan)
+    for index, road in enumerate(roads):
+        ids[index, : len(road.lanes)] = [lane.id for lane in road.lanes]
+        centre[index, : len(road.lanes)] = [lane.centre for lane in road.lanes]
+        width[index, : len(road.lanes)] = [lane.width for lane in road.lanes]
+    return ids, centre, width
+
+
+def _lane_of(y: Floats, ids: Integers, centre: Floats, width: Floats, road: Integers) -> Integers:
+    """The id of the lane whose strip holds each y (P, S), on the roads (P,) of the tables; 0 for none."""
+    inside = np.abs(y[..., None] - centre[road, None]) <= width[road, None] / 2
+    found = np.take_along_axis(ids[road], inside.argmax(axis=2), axis=1)
+    return np.where(inside.any(axis=2), found, 0)

@@ -1,0 +1,374 @@
+"""The world: N egos, each in its own moment of a recording, one step at a time. All physics is here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.scene import EGO_ID, Action, Decisions, Scene, SceneBatch, several_actions
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation.contacts import Contact, Surroundings, worst_contacts
+from drlsl.driving.simulation.egos import Egos
+from drlsl.driving.simulation.entry import Entries, Entry
+from drlsl.driving.simulation.fault import judge
+from drlsl.driving.simulation.playback import Playback, Playbacks
+from drlsl.driving.simulation.prediction import NOTHING_OFFERED, predicted_actions
+from drlsl.driving.simulation.reactive import ReactiveTraffic
+from drlsl.driving.simulation.reward import reward_terms
+from drlsl.driving.simulation.sensing import Sensing
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Integers: TypeAlias = npt.NDArray[np.int64]
+Mask: TypeAlias = npt.NDArray[np.bool_]
+
+MEMORY: Final = 12.0
+"""How far back tracks are kept for judging contacts [s]."""
+
+NOT_RESET: Final = "reset the world first: it has no scenes yet"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepResult:
+    """What one step brought, for N egos; `scenes` as they are, whatever the rules see of them.
+
+    Arrays are of shape (N,); `rewards` holds the weighted terms. `contacts`: by ego, the contact that ended
+    its episode. `changed`: the step started a lane change; `entered`: the ego was placed anew on the
+    stretch; `distance` [m] driven in the episode, `speed` [m/s].
+    """
+
+    scenes: SceneBatch
+    decisions: Decisions
+    reward: Floats
+    rewards: dict[str, Floats]
+    terminated: Mask
+    truncated: Mask
+    changed: Mask
+    off_road: Mask
+    contacts: dict[int, Contact]
+    entered: Mask
+    distance: Floats
+    speed: Floats
+
+
+class World:
+    """N egos that drive in recordings.
+
+    An ego's episode: enter in a safe gap, drive `track_length` metres, re-entering at the beginning of the
+    stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, it
+    does not enforce them: a lane change that is not offered is driven as told. While a lane change is under
+    way, new lane changes are not taken up. What an ego does between the end of its episode and its reset
+    means nothing.
+    """
+
+    def __init__(self, config: EnvConfig, playbacks: Sequence[Sequence[Playback]], shield: Shield) -> None:
+        """Lay out the playbacks; for each ego those that it may drive in, one drawn for every episode.
+
+        Of `config`, everything but the recording and the direction counts.
+        """
+        distinct = list(dict.fromkeys(one for choices in playbacks for one in choices))
+        numbers = {one: number for number, one in enumerate(distinct)}
+        self._choices = [[numbers[one] for one in choices] for choices in playbacks]
+        self.config = config
+        self.shield = shield
+        self.playbacks = Playbacks(distinct)
+        self.count = len(playbacks)
+        film, dt = self.playbacks.film, float(self.playbacks.courses.dt.min())
+        size, memory = (config.ego_length, config.ego_width), round(MEMORY / dt)
+        self._entries = [Entries(one, shield, size) for one in self.playbacks.all]
+        self._largest = film.numbers[4:, :, 1:].max(axis=(1, 2), initial=0.0)
+        self._egos = Egos(self.count, size, memory)
+        self._courses = self.playbacks.courses.take(self._egos.at.playback)
+        reactive = config.traffic == "reactive"
+        self._reactive = ReactiveTraffic(film, self.count, memory) if reactive else None
+        self._sensing = (
+            Sensing(config.sensing, self.playbacks, config.radar_range, self.count)
+            if config.sensing.faulty
+            else None
+        )
+        self.rngs = [np.random.default_rng() for _ in range(self.count)]
+        """The generator of each ego's episode."""
+        self._everyone = np.arange(self.count)
+        self._scenes: SceneBatch | None = None
+        self._seen: SceneBatch | None = None
+        self._decisions: Decisions | None = None
+
+    @property
+    def decisions(self) -> Decisions:
+        """What the egos are offered and asked, in the scenes that they are in."""
+        if self._decisions is None:
+            raise RuntimeError(NOT_RESET)
+        return self._decisions
+
+    @property
+    def seen(self) -> SceneBatch:
+        """The scenes that the rules were last asked about."""
+        if self._seen is None:
+            raise RuntimeError(NOT_RESET)
+        return self._seen
+
+    @property
+    def distance(self) -> Floats:
+        """Metres driven in the episode, shape (N,)."""
+        return self._egos.at.distance
+
+    @property
+    def speed(self) -> Floats:
+        """Speed of the egos [m/s], shape (N,)."""
+        return self._egos.at.speed
+
+    def scene(self, ego: int) -> Scene:
+        """The scene of one ego that the rules were last asked about."""
+        return self.seen.scene(ego)
+
+    def targets(self) -> Floats:
+        """The y [m] that each action would have each ego steer for, shape (N, 3).
+
+        NaN for a lane change that would not be taken up; to a side without a lane, beyond the road.
+        """
+        return self._egos.targets(self.decisions.lane_to_keep, self._courses, self._everyone)
+
+    def playback_of(self, ego: int) -> Playback:
+        """The playback that an ego drives in."""
+        return self.playbacks.all[int(self._egos.at.playback[ego])]
+
+    def frame_of(self, ego: int) -> int:
+        """The recorded frame that an ego is in."""
+        return int(self._egos.at.frame[ego])
+
+    def reset(self, egos: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
+        """Begin new episodes for `egos`, each a function of its generator alone; the others stay as they are.
+
+        The first reset has to be of all egos, in order.
+
+        Raises:
+            UserError: the recording has no gap to enter.
+        """
+        self._begin(dict(zip(egos, rngs, strict=True)))
+        places = np.asarray(egos)
+        scenes = self._look(places).scenes
+        seen = self._perceive(scenes, places)
+        decisions = self._ask(seen, places)
+        if self._scenes is not None and self._seen is not None and self._decisions is not None:
+            # The old ones may have been handed out: they stay as they are.
+            seen = self._seen.replaced(places, seen) if self._sensing else seen
+            scenes = self._scenes.replaced(places, scenes)
+            decisions = self._decisions.replaced(places, decisions)
+        elif places.tolist() != self._everyone.tolist():
+            raise RuntimeError("the first reset has to be of all egos, in order")
+        self._scenes, self._decisions = scenes, decisions
+        self._seen = seen if self._sensing else scenes
+
+    def step(
+        self,
+        actions: npt.NDArray[np.integer] | Sequence[int],
+        restarts: Mapping[int, np.random.Generator] | None = None,
+    ) -> StepResult:
+        """Drive one step with `actions` of shape (N,), each an `Action`.
+
+        Egos whose episode has ended do not count: their rewards are 0 and nothing happens to them. Those in
+        `restarts` begin a new episode instead, as in `reset`.
+
+        Raises:
+            TypeError, ValueError: the actions are not N of those that there are; nothing is driven.
+            UserError: the rules keep a lane that the road does not have.
+        """
+        actions = several_actions(actions, self.count)
+        egos, at, decisions = self._egos, self._egos.at, self.decisions
+        playing = ~at.ended
+        changed = egos.steer(actions, decisions.lane_to_keep, self._courses)
+        if self._reactive is not None and self._scenes is not None:
+            self._reactive.advance(self._scenes, self._courses, at.frame)
+        egos.drive(decisions.target_speed, self._courses)
+        over = at.frame >= self._courses.frames
+        around = self._look()
+        contacts = worst_contacts(around.touching(playing & ~over, self._largest), self._judge)
+        touched = np.zeros(self.count, dtype=np.bool_)
+        if contacts:
+            touched[list(contacts)] = True
+        off_road = egos.off_road(self._courses) & playing
+        terminated = touched | off_road
+        truncated = (at.distance >= self.config.track_length) & playing & ~terminated
+        at.ended |= terminated | truncated
+        speed, distance = at.speed.copy(), at.distance.copy()
+        rewards = reward_terms(
+            self.config.reward,
+            changed=changed,
+            speed=speed * playing,
+            contact=touched,
+            off_road=off_road,
+            progress=distance / self.config.track_length,
+        )
+        entered = self._reenter(over)
+        if restarts:
+            self._begin(restarts)
+        decisions = self._decide(around.scenes, [*entered.nonzero()[0].tolist(), *(restarts or ())])
+        return StepResult(
+            scenes=around.scenes,
+            decisions=decisions,
+            reward=sum(rewards.values(), np.zeros(self.count)),
+            rewards=rewards,
+            terminated=terminated,
+            truncated=truncated,
+            changed=changed,
+            off_road=off_road,
+            contacts=contacts,
+            entered=entered,
+            distance=distance,
+            speed=speed,
+        )
+
+    def get_state(self) -> dict[str, Any]:
+        """Where everybody is and what the egos' controllers and generators remember: arrays and plain types.
+
+        What the egos see, and what they are offered, is in it where it cannot be found out again.
+        """
+        if self._scenes is None:
+            raise RuntimeError(NOT_RESET)
+        state = {**self._egos.get_state(), "rngs": [rng.bit_generator.state for rng in self.rngs]}
+        if self._reactive is not None:
+            state["reactive"] = self._reactive.get_state()
+        if self._sensing is not None:
+            state["sensing"] = self._sensing.get_state()
+        return state
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave in a world of the same making."""
+        self._egos.set_state(state)
+        self.rngs = [np.random.default_rng() for _ in range(self.count)]
+        for rng, rng_state in zip(self.rngs, state["rngs"], strict=True):
+            rng.bit_generator.state = rng_state
+        self._courses = self.playbacks.courses.take(self._egos.at.playback)
+        if self._reactive is not None:
+            self._reactive.set_state(state["reactive"])
+        scenes = self._look().scenes
+        seen = scenes
+        if self._sensing is not None:
+            self._sensing.set_state(state["sensing"])
+            seen = self._sensing.shown(scenes, self._courses, self._everyone)
+        self._scenes, self._seen = scenes, seen
+        self._decisions = self._ask(seen, self._everyone)
+
+    def _begin(self, episodes: Mapping[int, np.random.Generator]) -> None:
+        """Begin an episode of each ego that has a generator here."""
+        at = self._egos.at
+        for ego, rng in episodes.items():
+            self.rngs[ego] = rng
+            if self._sensing is not None:
+                self._sensing.begin(ego, rng)
+            choices = self._choices[ego]
+            at.playback[ego] = choices[rng.integers(len(choices))]
+            at.ended[ego], at.distance[ego] = False, 0.0
+            frame = int(rng.integers(self.playback_of(ego).frames))
+            self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
+        self._courses = self.playbacks.courses.take(at.playback)
+
+    def _place(self, ego: int, entry: Entry) -> None:
+        """Put an ego at an entry, into traffic that has not met it."""
+        self._egos.place(ego, entry)
+        if self._reactive is not None:
+            self._reactive.forget(ego)
+        if self._sensing is not None:
+            self._sensing.forget(ego)
+
+    def _look(self, places: Integers | None = None) -> Surroundings:
+        """The scenes around the egos in `places`, or around all of them."""
+        at, courses = self._egos.at, self._courses
+
+        def chosen(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+            return values if places is None else values.take(places, axis=0)
+
+        film = self.playbacks.film
+        rows = chosen(courses.begin + np.minimum(at.frame, courses.frames - 1))
+        numbers, vehicle = film.numbers.take(rows, axis=1), film.vehicle.take(rows, axis=0)
+        lane, recorded = film.lane.take(rows, axis=0), film.valid.take(rows, axis=0)
+        vehicle[:, 0] = EGO_ID
+        x, y, sign = chosen(at.x), chosen(at.y), chosen(courses.sign)
+        if self._reactive is not None:
+            self._reactive.apply(numbers, sign, places)
+        nearest = np.abs(chosen(courses.centre) - y[:, None]).argmin(axis=1)
+        lane[:, 0] = chosen(courses.lane_id)[self._everyone[: len(nearest)], nearest]
+        own = (x, y, sign * chosen(at.speed), chosen(at.vy), *self._egos.size)
+        for column, value in zip(numbers, own, strict=True):
+            column[:, 0] = value
+        dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
+        valid = dx * dx + dy * dy <= self.config.radar_range**2
+        valid &= recorded
+        valid[:, 0] = True
+        scenes = SceneBatch.from_numbers(
+            numbers,
+            roads=self.playbacks.roads,
+            road=chosen(courses.road),
+            target_lane=chosen(at.target_lane).copy(),
+            id=vehicle,
+            lane=lane,
+            valid=valid,
+        )
+        return Surroundings(scenes, recorded, dx, dy)
+
+    def _decide(self, scenes: SceneBatch, placed: Sequence[int]) -> Decisions:
+        """What the egos are offered in `scenes`, in which those `placed` are now somewhere else."""
+        if placed:
+            places = np.array(placed)
+            scenes.put(places, self._look(places).scenes)
+        self._scenes, self._seen = scenes, self._perceive(scenes, self._everyone)
+        self._decisions = self._ask(self._seen, self._everyone)
+        return self._decisions
+
+    def _perceive(self, scenes: SceneBatch, places: Integers) -> SceneBatch:
+        """What the egos in `places` see, who are in `scenes`."""
+        if self._sensing is None:
+            return scenes
+        return self._sensing.perceive(scenes, self._courses.take(places), self._egos.at.frame[places], places)
+
+    def _ask(self, seen: SceneBatch, places: Integers) -> Decisions:
+        """What the egos in `places` are offered, and the rest of what the rules say about what they see."""
+        decisions = self.shield.decide_batch(seen)
+        if self.config.offers == "rules":
+            return decisions
+        if self.config.offers == "all":
+            mask = np.ones_like(decisions.action_mask)
+            return replace(decisions, action_mask=mask)
+        courses = self._courses.take(places)
+        targets = self._egos.targets(decisions.lane_to_keep, self._courses, places)
+        mask = predicted_actions(seen, targets, courses.low, courses.high, self.config.prediction_horizon)
+        # Where the rules failed, their fail-safe holds.
+        mask[list(decisions.failures)] = decisions.action_mask[list(decisions.failures)]
+        stuck = np.flatnonzero(~mask.any(axis=1)).tolist()
+        mask[stuck, Action.LANE_KEEPING] = True
+        failures = {**decisions.failures, **dict.fromkeys(stuck, NOTHING_OFFERED)}
+        return replace(decisions, action_mask=mask, failures=failures)
+
+    def _judge(self, ego: int, slot: int) -> Contact:
+        """The contact of an ego with the vehicle in a slot."""
+        playback, frame, past = self.playback_of(ego), self.frame_of(ego), self._egos.past
+        own = past.track(ego, playback.sign, self._egos.size)
+        placed_at = frame - int(past.kept[ego]) + 1
+        other = playback.track(frame, slot, frame - len(own.s) + 1)
+        if self._reactive is not None:
+            other = self._reactive.driven(ego, slot, other)
+        verdict = judge(
+            own,
+            other,
+            playback.lanes,
+            playback.road.time_step,
+            other_appeared=int(playback.film.first[frame, slot]) > placed_at,
+        )
+        closing = abs(float(own.speed[-1] - other.speed[-1]))
+        return Contact(int(playback.film.vehicle[frame, slot]), verdict, closing)
+
+    def _reenter(self, over: Mask) -> Mask:
+        """Place anew the egos that drive on but have reached the end of the stretch or of the recording."""
+        at, courses = self._egos.at, self._courses
+        driven = courses.sign * (at.x - courses.start) + self.config.ego_length / 2
+        entered: Mask = (over | (driven >= courses.length)) & ~at.ended
+        for ego in entered.nonzero()[0].tolist():
+            playback = self.playback_of(ego)
+            lane = playback.road.lane(int(at.target_lane[ego]))
+            frame, rng = self.frame_of(ego) % playback.frames, self.rngs[ego]
+            self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame, lane=lane))
+        return entered

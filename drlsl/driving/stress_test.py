@@ -1,0 +1,309 @@
+"""Drive many episodes with policies that look for trouble, and count what happens."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.driving.config import EnvConfig
+from drlsl.driving.scene import Action, Scene, SceneBatch
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation import StepResult, World, in_direction, playbacks_of
+from drlsl.traffic import Recording
+
+Actions: TypeAlias = npt.NDArray[np.int64]
+Floats: TypeAlias = npt.NDArray[np.float64]
+Policy: TypeAlias = Callable[[World, Floats], Actions]
+"""Chooses for each ego one of the offered actions, given numbers (N, 3) drawn from [0, 1)."""
+
+WORST: Final = 10
+"""Contacts whose scenes are kept."""
+
+EGOS: Final = 256
+"""Episodes that run side by side."""
+
+MARGIN_HORIZON: Final = 3.0
+"""How far ahead the adversary's margin looks [s]: about as long as a lane change takes."""
+
+_DRAWN: Final = 512
+"""Steps for which an episode's numbers are drawn at once."""
+
+
+def random_policy(world: World, drawn: Floats) -> Actions:
+    """Any of the offered actions, each as likely."""
+    return np.asarray(np.argmax((drawn + 1.0) * world.decisions.action_mask, axis=1))
+
+
+def always_change(world: World, drawn: Floats) -> Actions:
+    """A lane change whenever one is offered, to a random side."""
+    weight = drawn + 1.0
+    weight[:, Action.LANE_KEEPING] = 0.5
+    return np.asarray(np.argmax(weight * world.decisions.action_mask, axis=1))
+
+
+def adversarial(world: World, drawn: Floats) -> Actions:
+    """The offered action with the least margin; of several, the first in the order of `Action`."""
+    # Infinite room is not as bad as not being offered.
+    margin = np.minimum(margins(world.seen, world.targets()), np.finfo(np.float64).max)
+    return np.asarray(np.argmin(np.where(world.decisions.action_mask, margin, np.inf), axis=1))
+
+
+POLICIES: Final[dict[str, Policy]] = {
+    "random": random_policy,
+    "always-change": always_change,
+    "adversarial": adversarial,
+}
+
+
+def margins(scenes: SceneBatch, targets: Floats) -> Floats:
+    """How much room each action leaves [s], shape (N, 3): the least predicted time headway.
+
+    Of all vehicles in the way of an ego at `targets` (N, 3), the y [m] that each action leads to: the least
+    gap within 3 s at unchanged speeds, below 0 where one passes through the other, over the speed of the rear
+    one, at least 1 m/s. Without a vehicle there, or where the action changes nothing, infinite.
+    """
+    scene, other = scenes.valid[:, 1:].nonzero()
+    other += 1
+    width = (scenes.width[scene, other] + scenes.width[scene, 0]) / 2
+    row, action = (np.abs(scenes.y[scene, other][:, None] - targets[scene]) < width[:, None]).nonzero()
+    scene, other = scene[row], other[row]
+    sign = np.where(scenes.vx[scene, 0] < 0.0, -1.0, 1.0)
+    ahead = sign * (scenes.x[scene, other] - scenes.x[scene, 0])
+    own, speed = (np.maximum(sign * scenes.vx[scene, slot], 0.0) for slot in (0, other))
+    later = ahead + (speed - own) * MARGIN_HORIZON
+    length = (scenes.length[scene, other] + scenes.length[scene, 0]) / 2
+    gap = np.minimum(np.abs(ahead), np.abs(later)) - length
+    gap = np.where(ahead * later <= 0.0, -length, gap)
+    headway = gap / np.maximum(np.where(ahead > 0.0, own, speed), 1.0)
+    result = np.full(targets.shape, np.inf)
+    np.minimum.at(result, (scene, action), headway)
+    return result
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRecord:
+    """A contact: the episode, its policy, the verdict, the other vehicle and the scene in which they touch.
+
+    `closing_speed` [m/s]: the difference of the two speeds.
+    """
+
+    episode: int
+    policy: str
+    verdict: str
+    vehicle: int
+    closing_speed: float
+    scene: Scene
+
+    @property
+    def name(self) -> str:
+        """What a file of the scene is called, without its suffix."""
+        return f"episode-{self.episode}-{self.verdict}-v{self.vehicle}"
+
+    def as_json(self) -> dict[str, Any]:
+        """All but the scene."""
+        return {
+            "episode": self.episode,
+            "policy": self.policy,
+            "verdict": self.verdict,
+            "vehicle": self.vehicle,
+            "closing_speed": self.closing_speed,
+        }
+
+
+@dataclass(slots=True)
+class Counts:
+    """What happened in the episodes that ended."""
+
+    episodes: int = 0
+    steps: int = 0
+    distance: float = 0.0
+    lane_changes: int = 0
+    off_road: int = 0
+    fail_safe: int = 0
+    contacts: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def contacts_at_fault(self) -> int:
+        """Contacts that are the ego's fault."""
+        return self.contacts["at_fault"]
+
+    @property
+    def contacts_not_at_fault(self) -> int:
+        """Contacts that one of the written rules excuses."""
+        return self.contacts.total() - self.contacts_at_fault
+
+    def as_json(self) -> dict[str, Any]:
+        """The counts."""
+        return {
+            "episodes": self.episodes,
+            "contacts_at_fault": self.contacts_at_fault,
+            "contacts_not_at_fault": self.contacts_not_at_fault,
+            "off_road": self.off_road,
+            "fail_safe": self.fail_safe,
+            "lane_changes": self.lane_changes,
+            "steps": self.steps,
+            "distance": self.distance,
+            "contacts": {name: count for name, count in sorted(self.contacts.items()) if count},
+        }
+
+
+@dataclass(slots=True)
+class StressReport:
+    """The counts of each policy, and the worst contacts of all: those at fault first, the faster first."""
+
+    policies: dict[str, Counts] = field(default_factory=dict)
+    worst: list[ContactRecord] = field(default_factory=list)
+
+    @property
+    def total(self) -> Counts:
+        """The counts of all policies together."""
+        total = Counts()
+        for counts in self.policies.values():
+            total.episodes += counts.episodes
+            total.steps += counts.steps
+            total.distance += counts.distance
+            total.lane_changes += counts.lane_changes
+            total.off_road += counts.off_road
+            total.fail_safe += counts.fail_safe
+            total.contacts.update(counts.contacts)
+        return total
+
+    def as_json(self) -> dict[str, Any]:
+        """The counts of all, of each policy, and what the worst contacts were."""
+        return {
+            **self.total.as_json(),
+            "policies": {name: counts.as_json() for name, counts in self.policies.items()},
+            "worst": [record.as_json() for record in self.worst],
+        }
+
+    def add_contact(self, record: ContactRecord) -> None:
+        """Count a contact, and keep it if it is one of the worst."""
+        self.policies[record.policy].contacts[record.verdict] += 1
+        self.worst.append(record)
+        self.worst.sort(key=lambda kept: (kept.verdict != "at_fault", -kept.closing_speed, kept.episode))
+        del self.worst[WORST:]
+
+
+class _Draws:
+    """The numbers that policies choose by: each episode has a generator of its own."""
+
+    def __init__(self, egos: int) -> None:
+        self._numbers = np.zeros((egos, _DRAWN, len(Action)))
+        self._next = np.zeros(egos, dtype=np.int64)
+        self._rngs = [np.random.default_rng() for _ in range(egos)]
+
+    def begin(self, ego: int, rng: np.random.Generator) -> None:
+        """An episode begins."""
+        self._rngs[ego], self._next[ego] = rng, _DRAWN
+
+    def take(self) -> Floats:
+        """The next numbers of every ego, shape (N, 3)."""
+        for ego in np.flatnonzero(self._next == _DRAWN).tolist():
+            self._rngs[ego].random(out=self._numbers[ego])
+            self._next[ego] = 0
+        numbers = self._numbers[np.arange(len(self._next)), self._next]
+        self._next += 1
+        return numbers
+
+
+class _Stress:
+    """Episodes side by side in one world; every ego that is done takes up the next one."""
+
+    def __init__(self, world: World, policies: Sequence[str], episodes: int, seed: int) -> None:
+        self._world = world
+        self._policies = policies
+        self._seeds = enumerate(np.random.SeedSequence(seed).spawn(episodes))
+        self._draws = _Draws(world.count)
+        self._episode = np.full(world.count, -1)
+        self._policy = np.zeros(world.count, dtype=np.int64)
+        self.report = StressReport({name: Counts() for name in policies})
+
+    def run(self) -> Iterator[StressReport]:
+        """Drive all episodes; yields the report each time some end."""
+        first = self._begin(range(self._world.count))
+        self._world.reset(list(first), list(first.values()))
+        # An ego that is done begins anew in the step after.
+        restarts: dict[int, np.random.Generator] = {}
+        while (self._episode >= 0).any():
+            result = self._world.step(self._actions(), restarts)
+            running = self._episode >= 0
+            running[list(restarts)] = False
+            ended = np.flatnonzero(running & (result.terminated | result.truncated)).tolist()
+            self._count(result, running, ended)
+            restarts = self._begin(ended)
+            if ended:
+                yield self.report
+
+    def _begin(self, egos: Sequence[int]) -> dict[int, np.random.Generator]:
+        """The next episodes, one for each of `egos` while there are any: the generators of their worlds."""
+        started = {}
+        for ego in egos:
+            self._episode[ego] = -1
+            for episode, seed in self._seeds:
+                own, drawn = seed.spawn(2)
+                self._episode[ego], self._policy[ego] = episode, episode % len(self._policies)
+                self._draws.begin(ego, np.random.default_rng(drawn))
+                started[ego] = np.random.default_rng(own)
+                break
+        return started
+
+    def _actions(self) -> Actions:
+        """What the policy of each ego's episode chooses."""
+        drawn = self._draws.take()
+        actions = np.zeros(self._world.count, dtype=np.int64)
+        for number, name in enumerate(self._policies):
+            mine = self._policy == number
+            if mine.any():
+                actions = np.where(mine, POLICIES[name](self._world, drawn), actions)
+        return actions
+
+    def _count(self, result: StepResult, running: npt.NDArray[np.bool_], ended: Sequence[int]) -> None:
+        """Add a step of the `running` egos, of which some `ended` their episode, to the report."""
+        for number, name in enumerate(self._policies):
+            mine, counts = running & (self._policy == number), self.report.policies[name]
+            counts.steps += int(mine.sum())
+            counts.lane_changes += int((result.changed & mine).sum())
+            counts.fail_safe += sum(bool(mine[ego]) for ego in result.decisions.failures)
+        for ego in ended:
+            policy = self._policies[self._policy[ego]]
+            counts = self.report.policies[policy]
+            counts.episodes += 1
+            counts.distance += float(result.distance[ego])
+            counts.off_road += bool(result.off_road[ego])
+            contact = result.contacts.get(ego)
+            if contact is not None:
+                self.report.add_contact(
+                    ContactRecord(
+                        int(self._episode[ego]),
+                        policy,
+                        contact.verdict.value,
+                        contact.vehicle,
+                        contact.closing_speed,
+                        result.scenes.scene(ego),
+                    )
+                )
+
+
+def stress(
+    config: EnvConfig,
+    recordings: Sequence[Recording],
+    shield: Shield,
+    policies: Sequence[str],
+    *,
+    episodes: int,
+    seed: int,
+    egos: int = EGOS,
+) -> Iterator[StressReport]:
+    """Run `episodes` episodes; yields the report, ever the same object, each time some end.
+
+    `policies`, names of `POLICIES`, take turns. Episode number i is a function of (`seed`, i) and of its
+    policy; of `config` counts what `World` says.
+    """
+    playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
+    world = World(config, [playbacks] * min(egos, episodes), shield)
+    yield from _Stress(world, policies, episodes, seed).run()

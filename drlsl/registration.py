@@ -1,0 +1,62 @@
+"""Tells Gymnasium about the environments, without importing Gymnasium for those who only ask the rules."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Final
+
+ENV_ID: Final = "drlsl/Highway-v0"
+
+
+def register_with_gymnasium() -> None:
+    """Register the environments now, or as soon as Gymnasium is imported."""
+    if "gymnasium" in sys.modules:
+        _register()
+    else:
+        sys.meta_path.insert(0, _WhenImported())
+
+
+def _register() -> None:
+    import gymnasium
+
+    gymnasium.register(
+        ENV_ID,
+        entry_point="drlsl.driving.envs.single:HighwayEnv",
+        vector_entry_point="drlsl.driving.envs.vector:HighwayVectorEnv",
+    )
+
+
+class _WhenImported(MetaPathFinder):
+    """Finds Gymnasium as usual, once, and has the environments registered when it is loaded."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _ThenRegister(spec, spec.loader)
+        return spec
+
+
+class _ThenRegister(Loader):
+    """Loads a module with its own loader, and registers the environments after."""
+
+    def __init__(self, spec: ModuleSpec, loader: Loader) -> None:
+        self._spec = spec
+        self._loader = loader
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        self._spec.loader = module.__loader__ = self._loader
+        self._loader.exec_module(module)
+        _register()
