@@ -1,6 +1,8 @@
-from .driving import Action as Action
-from .driving import Decision as Decision
-from .driving import Scene as Scene
-from .driving import Shield as Shield
+from .driving import Action, Decision, Scene, Shield
 
-__all__ = ["Action", "Decision", "Scene", "Shield"]
+__all__ = [
+    "Action",
+    "Decision",
+    "Scene",
+    "Shield",
+]

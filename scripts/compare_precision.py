@@ -12,13 +12,12 @@ import numpy as np
 
 from drlsl.benchmarks import array_facts, random_scenes
 from drlsl.driving.scene import SCHEMA, SceneBatch
-from drlsl.driving.shield import FREE, SPEED, STATE
+from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, query_of
 from drlsl.logic import Engine
-from drlsl.logic.lowering.lower import Query, lower
+from drlsl.logic.lowering.lower import lower
 from drlsl.logic.lowering.numpy_backend import ArrayProgram, compile_numpy
 
 RULES = Path(__file__).parents[1] / "rules"
-ACTIONS = Query("safe_actions", 1, "set")
 VEHICLES = 40
 AT_ONCE = 2000
 SPEED_TOLERANCE = 1e-3  # m/s
@@ -29,7 +28,7 @@ def programs(rules: str) -> tuple[ArrayProgram, ArrayProgram]:
     """A rule file in float64 and in float32."""
     engine = Engine()
     engine.consult(RULES / rules)
-    lowered = lower(engine, SCHEMA, [ACTIONS, FREE, SPEED, STATE])
+    lowered = lower(engine, SCHEMA, [query_of(one) for one in (ACTIONS, FREE, SPEED, STATE)])
     return compile_numpy(lowered), compile_numpy(lowered, "float32")
 
 

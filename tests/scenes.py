@@ -6,9 +6,8 @@ from dataclasses import replace
 
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
-from drlsl.traffic.road import Direction, Lane
+from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO, Road, Scene, Vehicle
+from drlsl.traffic import Direction, Lane
 
 EGO_LENGTH, EGO_WIDTH = 4.6, 1.9
 

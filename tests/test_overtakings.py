@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.scene.model import EGO, Scene, Vehicle
-from drlsl.traffic.road import Direction
+from drlsl.driving.scene import EGO, Action, Scene, SceneBatch, Vehicle
+from drlsl.traffic import Direction
 from scripts.overtakings import Counts, Overtakings, main
 from tests.scenes import road
 

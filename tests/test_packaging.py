@@ -67,6 +67,6 @@ def test_an_installed_wheel_finds_its_rules(wheel: Path, tmp_path: Path) -> None
 
 
 def test_an_editable_install_finds_the_rules_of_the_checkout() -> None:
-    from drlsl.driving.shield.shield import default_rules
+    from drlsl.driving.shield import default_rules
 
     assert default_rules() == (ROOT / "rules" / "highway.pl",)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from drlsl import config, plain_text
 from drlsl.assurance import yaml_file
-from drlsl.driving.scene.scene_file import load_scene
+from drlsl.driving.scene import load_scene
 from drlsl.errors import UserError
 from drlsl.plain_text import parse_json, printable, read_text, to_json
 

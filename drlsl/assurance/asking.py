@@ -10,7 +10,7 @@ from drlsl.driving.scene import SCHEMA, Facts, Road, Scene, road_facts, scene_fa
 from drlsl.driving.shield import LIMITS, RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
-from drlsl.logic.engine import Query as Goal
+from drlsl.logic import Query as Goal
 from drlsl.logic.lowering.errors import Undecided
 from drlsl.logic.lowering.lower import Query, lower
 from drlsl.logic.lowering.scalar import Scalar, compile_scalar

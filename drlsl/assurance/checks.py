@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from drlsl.assurance.rows import Staging
+from drlsl.driving import shield
 from drlsl.driving.explain import SECTIONS
 from drlsl.driving.scene import Scene
 from drlsl.logic import Compound
@@ -27,12 +28,10 @@ class Question:
     mode: Mode
 
 
-ACTIONS: Final = Question("safe_actions(Action)", "all")
-SPEED: Final = Question("longitudinal_velocity(Speed)", "first")
-OBSERVATION: Final = Question("state(Observation)", "first")
-FRONT: Final = Question("front_is_free", "holds")
-ENTRY: Final = Question("entry_is_safe", "holds")
-LANE: Final = Question("lane_to_keep(Lane)", "first")
+ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY, LANE = (
+    Question(one.goal, one.mode)
+    for one in (shield.ACTIONS, shield.SPEED, shield.STATE, shield.FREE, shield.ENTRY, shield.LANE)
+)
 DRIVING: Final = (ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY)
 """What driving asks of every program; `LANE` only of those that define it."""
 

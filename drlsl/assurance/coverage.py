@@ -14,9 +14,9 @@ from drlsl.assurance.asking import WRONG, Interpreter
 from drlsl.assurance.checks import Case
 from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.driving.shield import Shield
+from drlsl.logic import Engine
 from drlsl.logic.body import callable_parts
 from drlsl.logic.builtins.database import split_clause
-from drlsl.logic.engine import Engine
 from drlsl.logic.goals import BUILTIN_ARGUMENTS
 from drlsl.logic.program import Clause
 from drlsl.logic.reader import ReadTerm

@@ -27,9 +27,8 @@ from drlsl.assurance.mutants import Mutant, mutants_of
 from drlsl.assurance.witness import Search, Witness, changed
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.logic import Limits, PrologError
+from drlsl.logic import Engine, Limits, PrologError
 from drlsl.logic.builtins.database import split_clause
-from drlsl.logic.engine import Engine
 from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.program import Clause
 from drlsl.logic.reader import read_term

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from drlsl.assurance.asking import Generated, Interpreter, decision_problem, problem_of
 from drlsl.assurance.checks import ACTIONS, ENTRY, FRONT, LANE, OBSERVATION, SPEED, Case, Question, Solutions
-from drlsl.driving.scene import ATOMS, Decisions, SceneBatch
-from drlsl.driving.shield import Shield, choose_tier
+from drlsl.driving.scene import ATOMS, SceneBatch
+from drlsl.driving.shield import Decisions, Shield
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 from drlsl.logic.lowering.errors import NotLowerable
@@ -92,12 +92,12 @@ def _prepares(asker: Generated, question: Question, outcome: Outcome) -> bool:
 def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome, name: str) -> Iterator[Result]:
     """The answers to what driving asks, for all scenes at once."""
     try:
-        tier = choose_tier(shield, name)
+        tested = shield.with_tier(name)
     except UserError as reason:
         outcome.notes.append(str(reason))
         return
     batch = SceneBatch.of([case.scene for case in cases])
-    decisions, entries = tier.decide(batch), tier.entries_are_safe(batch)
+    decisions, entries = tested.decide_batch(batch), tested.entries_are_safe(batch)
     for index, case in enumerate(cases):
         failure = decisions.failures.get(index)
         if case.fails is not None or failure is not None:

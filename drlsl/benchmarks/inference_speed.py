@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from drlsl.logic.engine import Engine
+from drlsl.logic import Engine
 
 PROGRAMS: Final = Path(__file__).parents[2] / "benchmarks" / "programs"
 

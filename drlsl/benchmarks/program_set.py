@@ -20,9 +20,7 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from drlsl.benchmarks.inference_speed import rare_collections
-from drlsl.logic.engine import Engine, Query
-from drlsl.logic.errors import PrologError
-from drlsl.logic.limits import Limits
+from drlsl.logic import Engine, Limits, PrologError, Query
 
 _GOALS: Final = ("top", "main")
 _LONGEST_S: Final = 60.0

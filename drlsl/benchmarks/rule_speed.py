@@ -30,15 +30,15 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield import FREE, SPEED, STATE, default_rules
+from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, default_rules, query_of
 from drlsl.logic import Engine
 from drlsl.logic.lowering.batch_program import BatchProgram, Rows, TextProgram
-from drlsl.logic.lowering.lower import Lowered, Query, lower
+from drlsl.logic.lowering.lower import Lowered, lower
 from drlsl.logic.lowering.numpy_backend import compile_numpy
 from drlsl.logic.lowering.scalar import compile_scalar
 from drlsl.traffic import Direction, Lane, cache_folder
 
-QUERIES: Final = (Query("safe_actions", 1, "all"), FREE, SPEED, STATE)
+QUERIES: Final = tuple(query_of(one, ordered=True) for one in (ACTIONS, FREE, SPEED, STATE))
 VEHICLES: Final = (5, 20, 40)
 BATCH: Final = 256
 _SCENES: Final = 64

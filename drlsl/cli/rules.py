@@ -105,13 +105,13 @@ def show(
 ) -> None:
     """Print the code that a rule program becomes."""
     from drlsl.driving.scene import SCHEMA
-    from drlsl.driving.shield import ASKED, ENTRY
+    from drlsl.driving.shield import ASKED, ENTRY, query_of
     from drlsl.errors import UserError
     from drlsl.logic.lowering.errors import NotLowerable
     from drlsl.logic.lowering.lower import lower
 
     engine = _load(files)
-    asked = [query for query in ASKED if query is not ENTRY]
+    asked = [query for query in ASKED if query != query_of(ENTRY)]
     queries = [_query(goal) for goal in goals or ()]
     queries = queries or [query for query in asked if engine.defines(query.name, query.arity)]
     try:

@@ -8,12 +8,11 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from drlsl.logic import Engine, Halt, Limits, PrologError
 from drlsl.logic.builtins import registry
 from drlsl.logic.consult import find_file
-from drlsl.logic.engine import Engine
-from drlsl.logic.errors import Halt, PrologError
 from drlsl.logic.reader import ReadTerm, is_complete, read_term
-from drlsl.logic.solver import FOUND, Limits, Machine
+from drlsl.logic.solver import FOUND, Machine
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 from drlsl.logic.unify import term_variables
 from drlsl.logic.writer import format_term

@@ -24,7 +24,7 @@ from drlsl.assurance.checks import (
     Solves,
 )
 from drlsl.assurance.tables import load_table, tables_of
-from drlsl.driving.scene.model import Scene
+from drlsl.driving.scene import Scene
 from tests.properties.oracle import SECTIONS, Oracle
 from tests.scenes import scenes
 

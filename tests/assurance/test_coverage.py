@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 
 from drlsl.assurance.checks import Case, Holds, Question, Solves
 from drlsl.assurance.coverage import Instrumented, measure
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
 from tests.assurance.evidence import RULES, table_cases
 from tests.driving.test_shield import SCENE
 from tests.scenes import scenes

@@ -13,8 +13,8 @@ from drlsl.assurance.mutants import mutants_of
 from drlsl.assurance.mutation import LIMITS, MutantTester, score
 from drlsl.assurance.survivors import reasons_of
 from drlsl.assurance.tables import load_table
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.logic.lowering.errors import NotLowerable
 from tests.assurance.evidence import RULES, generated_scenes, oracle_cases, table_cases

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from drlsl.assurance.rows import EgoRow, RoadRow, VehicleRow, scene_of
 from drlsl.assurance.running import run_cases
 from drlsl.assurance.tables import load_table, tables_of
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.traffic.road import Direction
+from drlsl.traffic import Direction
 from tests.assurance.evidence import RULES, table_cases
 
 

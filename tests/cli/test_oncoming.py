@@ -10,10 +10,8 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.scene.scene_file import load_scene
-from drlsl.driving.shield.shield import Shield, default_rules
+from drlsl.driving.scene import Action, SceneBatch, load_scene
+from drlsl.driving.shield import Shield, default_rules
 
 RULES = default_rules()[0].parent
 PROGRAMS = ["highway.pl", "un_r157.pl", "overtake_left.pl"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli.shell import Shell
-from drlsl.logic.engine import Engine
+from drlsl.logic import Engine
 
 _RULES = "too_near(V) :- gap(V, G), G < 9.8.\ngap(v23, 4.2).\ngap(v7, 50).\n"
 

@@ -12,8 +12,8 @@ import pytest
 
 import drlsl.cli.what_if
 from drlsl.cli import run
-from drlsl.driving.scene.scene_file import load_scene, scene_json
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.scene import load_scene, scene_json
+from drlsl.driving.shield import default_rules
 
 needs_z3 = pytest.mark.skipif(
     drlsl.cli.what_if.find_spec("z3") is None, reason="what-ifs need z3-solver, the extra verify"

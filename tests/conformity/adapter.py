@@ -5,10 +5,9 @@ from __future__ import annotations
 import io
 from typing import Any
 
-from drlsl.logic.engine import Engine
-from drlsl.logic.errors import PrologError, PrologSyntaxError
+from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, PrologSyntaxError
 from drlsl.logic.reader import read_term
-from drlsl.logic.solver import FOUND, LimitExceeded, Limits, Machine
+from drlsl.logic.solver import FOUND, Machine
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 _SECONDS = 10.0

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.logic.engine import Engine
-from drlsl.logic.errors import PrologError, PrologSyntaxError
+from drlsl.logic import Engine, PrologError, PrologSyntaxError
 from drlsl.logic.flags import Flags
 from drlsl.logic.operators import Operators
 from drlsl.logic.reader import read_term

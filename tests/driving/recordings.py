@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drlsl.traffic.recording import Recording, VehicleClass
-from drlsl.traffic.road import Direction, Lane
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack
+from drlsl.traffic import Direction, Lane, Recording, Tracks, VehicleClass, lanes_of_rows, pack
 
 WIDTH = 3.75
 LIMIT = 36.0

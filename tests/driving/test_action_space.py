@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.single import HighwayEnv
-from drlsl.driving.envs.vector import HighwayVectorEnv
-from drlsl.driving.scene.action_space import one_action, several_actions
-from drlsl.driving.shield.shield import Shield
-from drlsl.driving.simulation.playback import playbacks_of
-from drlsl.driving.simulation.world import World
+from drlsl.driving import EnvConfig
+from drlsl.driving.envs import HighwayEnv, HighwayVectorEnv
+from drlsl.driving.scene import one_action, several_actions
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation import World, playbacks_of
 
 from .recordings import Drive, recording
 

@@ -16,12 +16,10 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import drlsl  # noqa: F401  (registers the environment)
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.single import HighwayEnv
-from drlsl.driving.envs.vector import HighwayVectorEnv
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.scene.model import EGO, Scene, Vehicle
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving import EnvConfig
+from drlsl.driving.envs import HighwayEnv, HighwayVectorEnv
+from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
+from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
 from tests.scenes import road
 

@@ -12,19 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from drlsl.driving.explain.decision_picture import (
-    GO_COLOUR,
-    LEADER_COLOUR,
-    MOST_ROWS,
-    dimension,
-    draw_decision,
-)
-from drlsl.driving.explain.drawing import EGO_COLOUR, FOCUS_COLOUR, OTHER_COLOUR, draw_scene
-from drlsl.driving.explain.reasons import Objection, objections, speed_reason
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.scene.model import Scene, Vehicle, bumper_gap
-from drlsl.driving.scene.scene_file import load_scene
-from drlsl.driving.shield.shield import Shield, default_rules
+from drlsl.driving.explain import Objection, draw_decision, draw_scene, objections, speed_reason
+from drlsl.driving.explain.decision_picture import GO_COLOUR, LEADER_COLOUR, MOST_ROWS, dimension
+from drlsl.driving.explain.drawing import EGO_COLOUR, FOCUS_COLOUR, OTHER_COLOUR
+from drlsl.driving.scene import Action, Scene, Vehicle, bumper_gap, load_scene
+from drlsl.driving.shield import Shield, default_rules
 from tests.scenes import road, turned
 
 EXAMPLE = load_scene(default_rules()[0].parent.parent / "examples" / "scene.json")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.scene.actions import Action
+from drlsl.driving.scene import Action
+from drlsl.driving.simulation import playbacks_of
 from drlsl.driving.simulation.egos import Egos
 from drlsl.driving.simulation.entry import Entry
-from drlsl.driving.simulation.playback import Courses, Playbacks, playbacks_of
+from drlsl.driving.simulation.playback import Courses, Playbacks
 from drlsl.errors import UserError
 from tests.driving.recordings import LANES, WIDTH, Drive, recording
 

@@ -13,8 +13,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import drlsl  # noqa: F401  (registers the environment)
-from drlsl.driving.envs.single import HighwayEnv
-from drlsl.driving.simulation.reward import TERMS
+from drlsl.driving.envs import HighwayEnv
+from drlsl.driving.simulation import TERMS
 from drlsl.errors import UserError
 
 

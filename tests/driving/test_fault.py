@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.simulation.fault import BRAKING, REACTION, Track, Verdict, judge, time_to_avoid
-from drlsl.traffic.road import Direction, Lane
+from drlsl.driving.simulation import BRAKING, REACTION, Verdict
+from drlsl.driving.simulation.fault import Track, judge, time_to_avoid
+from drlsl.traffic import Direction, Lane
 
 DT = 0.04
 LANES = tuple(Lane(i + 1, Direction.LEFT_TO_RIGHT, 1.75 + 3.5 * i, 3.5, 36.0) for i in range(3))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.ego_limits import BRAKING_LIMIT
+from drlsl.driving.scene import BRAKING_LIMIT
 from drlsl.driving.simulation import idm
 from drlsl.driving.simulation.control import move_forward
 

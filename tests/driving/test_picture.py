@@ -9,9 +9,9 @@ import pytest
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Rectangle
 
-from drlsl.driving.explain.drawing import EGO_COLOUR, FOCUS_COLOUR, draw_scene, save_picture
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.scene.scene_file import load_scene
+from drlsl.driving.explain import draw_scene, save_picture
+from drlsl.driving.explain.drawing import EGO_COLOUR, FOCUS_COLOUR
+from drlsl.driving.scene import Scene, load_scene
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "scene.json"
 

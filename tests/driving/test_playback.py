@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.simulation.playback import Playback, playbacks_of
-from drlsl.traffic.road import Direction
+from drlsl.driving.simulation import Playback, playbacks_of
+from drlsl.traffic import Direction
 from tests.driving.recordings import Drive, recording
 
 

@@ -11,17 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.benchmarks.rule_speed import random_scenes
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.scene.model import Scene, Vehicle
-from drlsl.driving.shield.shield import Shield
+from drlsl.benchmarks import random_scenes
+from drlsl.driving import EnvConfig
+from drlsl.driving.scene import Scene, SceneBatch, Vehicle
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation import World, in_direction, playbacks_of
 from drlsl.driving.simulation.control import LANE_GAIN, LATERAL_SPEED_LIMIT, LaneController, move
-from drlsl.driving.simulation.playback import in_direction, playbacks_of
 from drlsl.driving.simulation.prediction import NOTHING_OFFERED, TICK, predicted_actions, sideways
-from drlsl.driving.simulation.world import World
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.road import Direction
+from drlsl.traffic import Direction, load_recording
 from tests.driving.recordings import Drive, recording
 
 

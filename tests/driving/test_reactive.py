@@ -7,17 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.shield.shield import Shield
-from drlsl.driving.simulation.fault import Verdict
-from drlsl.driving.simulation.playback import in_direction, playbacks_of
+from drlsl.driving import EnvConfig, stress
+from drlsl.driving.scene import Action
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation import StepResult, Verdict, World, in_direction, playbacks_of
 from drlsl.driving.simulation.reactive import SIDE_ROOM, _Cars, _followers
-from drlsl.driving.simulation.world import StepResult, World
-from drlsl.driving.stress_test import stress
 from drlsl.logic import Engine
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.recording import Recording
+from drlsl.traffic import Recording, load_recording
 from tests.driving.recordings import Drive, recording
 
 KEEP = np.array([Action.LANE_KEEPING])

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from drlsl.driving.explain.reasons import Objection, SpeedReason, objections, speed_reason
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.explain import Objection, objections, speed_reason
+from drlsl.driving.explain.reasons import SpeedReason
+from drlsl.driving.scene import Action
+from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
 from tests.driving.test_shield import SCENE, USABLE
 

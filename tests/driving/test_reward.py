@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drlsl.driving.config import RewardConfig
-from drlsl.driving.simulation.reward import TERMS, reward_terms
+from drlsl.driving.simulation import TERMS
+from drlsl.driving.simulation.reward import reward_terms
 
 
 def terms(

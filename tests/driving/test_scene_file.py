@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.scene.scene_file import SceneModel, load_scene, parse_scene, scene_json
+from drlsl.driving.scene import Scene, load_scene, parse_scene, scene_json
+from drlsl.driving.scene.scene_file import SceneModel
 from drlsl.errors import UserError
 from tests.scenes import scenes
 

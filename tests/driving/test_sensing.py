@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drlsl.driving.config import EnvConfig, SensingConfig
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.shield.shield import Shield
-from drlsl.driving.simulation.playback import in_direction, playbacks_of
+from drlsl.driving import EnvConfig
+from drlsl.driving.config import SensingConfig
+from drlsl.driving.scene import SceneBatch
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation import World, in_direction, playbacks_of
 from drlsl.driving.simulation.sensing import Sensing
-from drlsl.driving.simulation.world import World
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.recording import Recording
+from drlsl.traffic import Recording, load_recording
 from tests.driving.recordings import LANES, Drive, recording
 
 CRAWL = [Drive(lane, x, 0.5) for lane in (1, 2) for x in range(100, 400, 3)]

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.scene.batch import SceneBatch, fail_safe_speed
-from drlsl.driving.scene.model import EGO, Scene, Vehicle
-from drlsl.driving.shield.shield import LIMITS, RuleFailure, Shield
+from drlsl.driving.scene import EGO, Action, Scene, SceneBatch, Vehicle
+from drlsl.driving.shield import LIMITS, RuleFailure, Shield
+from drlsl.driving.shield.decision import fail_safe_speed
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, PrologSyntaxError
 from tests.scenes import road, scenes

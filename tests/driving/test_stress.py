@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drlsl.benchmarks.rule_speed import random_scenes
+from drlsl.benchmarks import random_scenes
 from drlsl.cli import run
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.scene.scene_file import load_scene
-from drlsl.driving.shield.shield import Shield
-from drlsl.driving.stress_test import MARGIN_HORIZON, POLICIES, StressReport, margins, stress
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.recording import Recording
+from drlsl.driving import POLICIES, EnvConfig, StressReport, stress
+from drlsl.driving.scene import Scene, SceneBatch, load_scene
+from drlsl.driving.shield import Shield
+from drlsl.driving.stress_test import MARGIN_HORIZON, margins
+from drlsl.traffic import Recording, load_recording
 from tests.driving.recordings import Drive, recording
 
 ROOT = Path(__file__).parents[2]

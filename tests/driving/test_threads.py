@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.single import HighwayEnv
-from drlsl.driving.scene.batch import Decisions, SceneBatch
-from drlsl.driving.scene.model import EGO, Scene, Vehicle
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving import EnvConfig
+from drlsl.driving.envs import HighwayEnv
+from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
+from drlsl.driving.shield import Decisions, Shield
 from drlsl.logic import Engine
 from drlsl.logic.engine import EngineBusyError
 from tests.scenes import road

@@ -10,10 +10,9 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import drlsl  # noqa: F401  (registers the environment)
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.single import HighwayEnv
-from drlsl.driving.envs.vector import HighwayVectorEnv
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving import EnvConfig
+from drlsl.driving.envs import HighwayEnv, HighwayVectorEnv
+from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 
 CONFIGS = [

@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving import EnvConfig
+from drlsl.driving.scene import Action
+from drlsl.driving.shield import Shield
+from drlsl.driving.simulation import StepResult, Verdict, World, in_direction, playbacks_of
 from drlsl.driving.simulation.entry import Entries
-from drlsl.driving.simulation.fault import Verdict
-from drlsl.driving.simulation.playback import in_direction, playbacks_of
-from drlsl.driving.simulation.world import StepResult, World
 from drlsl.errors import UserError
-from drlsl.traffic.recording import Recording
-from drlsl.traffic.road import Direction
+from drlsl.traffic import Direction, Recording
 from tests.driving.recordings import LANES, LENGTH, Drive, recording
 
 KEEP, LEFT, RIGHT = (np.array([action]) for action in Action)

@@ -5,7 +5,7 @@ from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
 from drlsl.config import TrainConfig, make_config
-from drlsl.driving.config import EnvConfig
+from drlsl.driving import EnvConfig
 
 from .fake import FakeVector, fakes
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.config import TrainConfig, make_config, merged
-from drlsl.driving.simulation.reward import TERMS
+from drlsl.driving.simulation import TERMS
 from drlsl.errors import UserError
 from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, episode_seed
 from drlsl.learning.trainer import EpisodeEvent, Trainer, make_learner, resolve_device

@@ -204,8 +204,9 @@ def test_queue_of_facts_is_not_quadratic(engine: Engine) -> None:
 
 
 def test_determinism_of_indexed_calls(engine: Engine) -> None:
+    from drlsl.logic import Limits
     from drlsl.logic.reader import read_term
-    from drlsl.logic.solver import FOUND, Limits, Machine
+    from drlsl.logic.solver import FOUND, Machine
 
     engine.consult_text(
         "kind(1, one). kind(a, letter). kind(f(_), compound). kind([], nil). kind([_|_], list).", name="k"

@@ -10,11 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.logic.engine import Engine
-from drlsl.logic.errors import ExistenceError
+from drlsl.logic import Engine, ExistenceError, LimitExceeded, Limits
 from drlsl.logic.explanation import Explanation, Step
 from drlsl.logic.proof import MAX_REASONS
-from drlsl.logic.solver import LimitExceeded, Limits
 
 _RULES = """\
 left_is_safe :- left_is_valid, \\+ left_is_busy.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.logic.errors import PrologSyntaxError
+from drlsl.logic import PrologSyntaxError
 from drlsl.logic.flags import Flags
 from drlsl.logic.operators import Operators
 from drlsl.logic.reader import ReadTerm, is_complete, parse_number, read_term, read_terms

@@ -6,8 +6,7 @@ import io
 
 import pytest
 
-from drlsl.logic.engine import Engine
-from drlsl.logic.errors import PrologError
+from drlsl.logic import Engine, PrologError
 
 
 def _engine() -> Engine:

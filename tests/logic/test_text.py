@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drlsl.logic import Engine, PrologError, PrologSyntaxError
 from drlsl.logic.builtins.termio import Input
-from drlsl.logic.engine import Engine
-from drlsl.logic.errors import PrologError, PrologSyntaxError
 from tests.logic.strategies import characters
 
 _TEXTS = st.text(characters, max_size=6)

@@ -15,8 +15,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.model import EGO, SCHEMA, Scene, Vehicle
-from drlsl.driving.shield.compiled import FREE, LANE, SPEED, STATE
+from drlsl.driving import shield
+from drlsl.driving.scene import EGO, SCHEMA, Scene, Vehicle
+from drlsl.driving.shield import query_of
 from drlsl.logic.lowering.batch_program import BatchResult, Rows
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.numba_backend import NumbaProgram, compile_numba
@@ -30,8 +31,11 @@ from tests.scenes import road, scenes
 
 pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
 
-ACTIONS = Query("safe_actions", 1, "set")
-DRIVING = (ACTIONS, FREE, SPEED, STATE, Query("entry_is_safe", 0, "holds"))
+ACTIONS = query_of(shield.ACTIONS)
+DRIVING = tuple(
+    query_of(one) for one in (shield.ACTIONS, shield.FREE, shield.SPEED, shield.STATE, shield.ENTRY)
+)
+LANE = query_of(shield.LANE)
 VEHICLE, LANES = ("vehicle", 8), ("road_lane", 5)
 
 Arrays = dict[tuple[str, int], Rows]

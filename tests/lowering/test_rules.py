@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.model import SCHEMA, Facts, Scene, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Facts, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
 from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.lower import Mode, Query, lower

@@ -16,9 +16,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from drlsl.benchmarks.rule_speed import random_scenes
-from drlsl.driving.scene.model import SCHEMA, Scene, road_facts, scene_facts
-from drlsl.driving.shield.compiled import FREE, SPEED, STATE
+from drlsl.benchmarks import random_scenes
+from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
+from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, query_of
 from drlsl.logic import Engine
 from drlsl.logic.lowering import numpy_ops, torch_ops
 from drlsl.logic.lowering.batch_program import BatchResult, Precision, Rows
@@ -49,7 +49,7 @@ Facts = dict[tuple[str, int], Rows]
 def lowered(program: str) -> Lowered:
     engine = Engine()
     engine.consult(RULES / program)
-    return lower(engine, SCHEMA, [Query("safe_actions", 1, "set"), FREE, SPEED, STATE])
+    return lower(engine, SCHEMA, [query_of(one) for one in (ACTIONS, FREE, SPEED, STATE)])
 
 
 def rows_of(program: Program, scenes: Sequence[Scene]) -> Facts:

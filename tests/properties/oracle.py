@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drlsl.driving.scene.model import Scene, Vehicle
-from drlsl.traffic.road import Lane
+from drlsl.driving.scene import Scene, Vehicle
+from drlsl.traffic import Lane
 
 RESPONSE_TIME, RESPONSE_ACCELERATION, REAR_BRAKING, FRONT_BRAKING = 0.35, 3.0, 6.0, 8.0
 STANDSTILL, MARGIN, SIDE_TIME, COMFORT = 2.0, 0.3, 1.0, 1.5

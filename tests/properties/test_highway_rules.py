@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
 from tests.properties.oracle import SECTIONS, Oracle, critical_distance
 from tests.scenes import scenes
 
@@ -111,7 +111,7 @@ def mirrored(scene: Scene) -> Scene:
 
     from dataclasses import replace
 
-    from drlsl.traffic.road import Direction
+    from drlsl.traffic import Direction
 
     other = {
         Direction.LEFT_TO_RIGHT: Direction.RIGHT_TO_LEFT,

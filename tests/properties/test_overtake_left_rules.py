@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, find, given, settings
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.model import EGO, Scene, Vehicle
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.scene import EGO, Scene, Vehicle
+from drlsl.driving.shield import Shield
 from tests.properties.oracle import Oracle
 from tests.scenes import EGO_LENGTH, EGO_WIDTH, road, scenes
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 
-from drlsl.driving.scene.model import Scene, Vehicle
-from drlsl.driving.shield.shield import RuleFailure, Shield
-from drlsl.traffic.road import Direction, Lane
+from drlsl.driving.scene import Scene, Vehicle
+from drlsl.driving.shield import RuleFailure, Shield
+from drlsl.traffic import Direction, Lane
 from tests.properties.oracle import SECTIONS
 from tests.scenes import scenes
 

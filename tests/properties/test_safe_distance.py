@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from drlsl.driving.scene.model import SCHEMA
-from drlsl.driving.shield.shield import consult_rules
+from drlsl.driving.scene import SCHEMA
+from drlsl.driving.shield import consult_rules
 from drlsl.logic import Engine
 from drlsl.logic.lowering.batch_program import Rows
 from drlsl.logic.lowering.lower import Lowered, Query, lower

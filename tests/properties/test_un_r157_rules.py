@@ -9,9 +9,8 @@ from drlsl.assurance.coverage import measure
 from drlsl.assurance.mutation import score
 from drlsl.assurance.running import run_cases
 from drlsl.cli import run
-from drlsl.driving.scene.batch import SceneBatch
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.shield.shield import Shield
+from drlsl.driving.scene import Scene, SceneBatch
+from drlsl.driving.shield import Shield
 from tests.assurance.evidence import RULES, table_cases
 from tests.scenes import scenes
 

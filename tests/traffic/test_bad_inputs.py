@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from drlsl.errors import UserError
-from drlsl.traffic.load import load_recording
+from drlsl.traffic import load_recording
 from tests.traffic.writing import NGSIM, Row, ngsim_cells, write_highd, write_ngsim_csv, write_ngsim_text
 
 ROWS = [Row(1, 1, 50.0, 22.0), Row(2, 1, 51.0, 22.0), Row(2, 2, 90.0, 26.0)]

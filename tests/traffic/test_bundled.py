@@ -8,12 +8,19 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from drlsl.traffic.generate import HARDEST_BRAKING, PRESETS
-from drlsl.traffic.load import bundled_recordings, load_recording
-from drlsl.traffic.recording import Mask, Recording, VehicleClass
-from drlsl.traffic.report import RecordingReport, recording_report
-from drlsl.traffic.road import Direction
-from drlsl.traffic.sources import BUNDLED
+from drlsl.traffic import (
+    BUNDLED,
+    PRESETS,
+    Direction,
+    Recording,
+    RecordingReport,
+    VehicleClass,
+    bundled_recordings,
+    load_recording,
+    recording_report,
+)
+from drlsl.traffic.generate import HARDEST_BRAKING
+from drlsl.traffic.recording import Mask
 
 HIGHWAYS = ("highway-train", "highway-test")
 NAMES = (*HIGHWAYS, "freeway")

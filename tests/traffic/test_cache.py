@@ -15,10 +15,8 @@ import pytest
 
 import drlsl.traffic.cache
 import drlsl.traffic.load
+from drlsl.traffic import Recording, find_source, load_recording
 from drlsl.traffic.cache import read_cached
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.recording import Recording
-from drlsl.traffic.sources import find_source
 from tests.traffic.writing import Row, write_highd, write_ngsim_csv
 
 ROWS = [

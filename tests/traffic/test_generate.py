@@ -13,13 +13,18 @@ import pandas as pd
 import pytest
 
 from drlsl.errors import UserError
-from drlsl.traffic import generate
-from drlsl.traffic.generate import PRESETS, find_preset, simulate
-from drlsl.traffic.highd_writer import HighdContent, write_highd
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.recording import VehicleClass
-from drlsl.traffic.report import recording_report
-from drlsl.traffic.tracks import Tracks
+from drlsl.traffic import (
+    PRESETS,
+    Tracks,
+    VehicleClass,
+    find_preset,
+    generate,
+    load_recording,
+    recording_report,
+    simulate,
+    write_highd,
+)
+from drlsl.traffic.highd_writer import HighdContent
 
 needs_sumo = pytest.mark.skipif(importlib.util.find_spec("libsumo") is None, reason="needs the extra sumo")
 

@@ -15,10 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.errors import UserError
+from drlsl.traffic import Direction, VehicleClass, load_recording
 from drlsl.traffic.highd import UNLIMITED_SPEED
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.recording import VehicleClass
-from drlsl.traffic.road import Direction
 from tests.traffic.writing import Row, write_highd
 
 UPPER = (8.0, 12.0, 16.0)

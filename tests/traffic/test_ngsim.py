@@ -14,10 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.errors import UserError
-from drlsl.traffic.load import load_recording
+from drlsl.traffic import Direction, Recording, VehicleClass, load_recording
 from drlsl.traffic.ngsim import SPEED_LIMIT, WINDOW, slopes
-from drlsl.traffic.recording import Recording, VehicleClass
-from drlsl.traffic.road import Direction
 from tests.traffic.writing import NGSIM, Row, write_ngsim_csv, write_ngsim_text
 
 LANE_WIDTH = 3.6

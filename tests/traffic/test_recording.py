@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from drlsl.errors import UserError
-from drlsl.traffic.recording import NO_VEHICLE, Recording, VehicleClass
-from drlsl.traffic.road import Direction, Lane
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack
+from drlsl.traffic import Direction, Lane, Recording, Tracks, VehicleClass, lanes_of_rows, pack
+from drlsl.traffic.recording import NO_VEHICLE
 
 LANES = (
     Lane(1, Direction.RIGHT_TO_LEFT, 2.0, 4.0, 36.0),

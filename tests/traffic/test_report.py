@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.traffic.load import load_recording
-from drlsl.traffic.report import RecordingReport, recording_report
+from drlsl.traffic import RecordingReport, load_recording, recording_report
 from tests.traffic.writing import Row, write_highd
 
 FRAMES = range(1, 11)

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drlsl.errors import UserError
+from drlsl.traffic import Tracks, lanes_of_rows, pack
 from drlsl.traffic.recording import Frames
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, segment_starts, without_duplicates
+from drlsl.traffic.tracks import segment_starts, without_duplicates
 from tests.traffic.test_recording import LANES
 
 
@@ -87,7 +88,7 @@ def test_lanes_come_from_geometry() -> None:
 
 
 def test_lanes_that_touch_leave_no_crack() -> None:
-    from drlsl.traffic.road import Direction, Lane
+    from drlsl.traffic import Direction, Lane
 
     lanes = [Lane(n + 1, Direction.LEFT_TO_RIGHT, 9.83 + 3.66 * n, 3.66, 30.0) for n in range(5)]
     borders = np.array([8.0 + 3.66 * n for n in range(1, 5)])

@@ -9,10 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drlsl.traffic.load import load_recording
+from drlsl.traffic import Recording, VehicleClass, load_recording, recording_report
 from drlsl.traffic.ngsim import FOOT
-from drlsl.traffic.recording import Recording, VehicleClass
-from drlsl.traffic.report import recording_report
 from tests.traffic.writing import NGSIM
 
 pytestmark = [

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drlsl.driving.scene.model import EGO
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.scene import EGO
+from drlsl.driving.shield import default_rules
 from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.lower import Answer, lower
 from drlsl.logic.lowering.numpy_backend import ArrayProgram, compile_numpy

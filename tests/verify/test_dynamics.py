@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.shield import default_rules
 from drlsl.errors import UserError
 from drlsl.verify.properties import load
 from drlsl.verify.ranges import Case, all_cases

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.model import SCHEMA, Facts, Road, Scene, Vehicle, road_facts, scene_facts
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.scene import SCHEMA, Facts, Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.shield import default_rules
 from drlsl.logic import Engine
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.scalar import Scalar, compile_scalar
 from drlsl.logic.terms import Atom
-from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic import Direction, Lane
 from drlsl.verify.booleans import Bool
 from drlsl.verify.formula import Formula, Row
 from drlsl.verify.ranges import RANGES, Case

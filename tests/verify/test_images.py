@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drlsl.driving.scene.model import Scene
-from drlsl.driving.shield.shield import Shield, default_rules
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield, default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.verify.images import expand

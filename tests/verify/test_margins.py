@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.shield import default_rules
 from drlsl.logic.lowering.ir import Node, reach
 from drlsl.logic.lowering.unfold import deep_recursion
 from drlsl.verify.assumed import Simplifier

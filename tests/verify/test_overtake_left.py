@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.shield import default_rules
 from drlsl.verify.ranges import Case
 from drlsl.verify.report import Request, verify
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.driving.scene.scene_file import load_scene
-from drlsl.driving.shield.shield import Shield, default_rules
+from drlsl.driving.scene import load_scene
+from drlsl.driving.shield import Shield, default_rules
 from drlsl.verify.gallery import write_counterexample
 from drlsl.verify.properties import load
 from drlsl.verify.ranges import Case, all_cases

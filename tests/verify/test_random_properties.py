@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.driving.scene.model import EGO, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import EGO, Scene, Vehicle, road_facts, scene_facts
 from drlsl.logic.lowering.errors import NotLowerable, Undecided
 from drlsl.logic.lowering.lower import lower
 from drlsl.logic.lowering.scalar import compile_scalar

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.driving.scene.model import SCHEMA, Scene, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
 from drlsl.logic.lowering.lower import Query, lower
 from drlsl.logic.lowering.scalar import compile_scalar

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
-from drlsl.driving.shield.shield import default_rules
+from drlsl.driving.shield import default_rules
 
 PAPER = default_rules()[0].parent / "paper.pl"
 

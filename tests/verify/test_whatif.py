@@ -11,11 +11,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.scene.model import Scene, Vehicle
-from drlsl.driving.scene.scene_file import load_scene
-from drlsl.driving.shield.compiled import ScalarAsker
-from drlsl.driving.shield.shield import RuleFailure, Shield, default_rules
+from drlsl.driving.scene import Action, Scene, Vehicle, load_scene
+from drlsl.driving.shield import RuleFailure, Shield, default_rules
+from drlsl.driving.shield.compiled import ScalarTier
 from drlsl.errors import UserError
 from drlsl.verify.whatif import Answer, Finding, what_if
 from tests.scenes import road, scenes, turned
@@ -271,13 +269,13 @@ def found(scene: Scene, name: str) -> Vehicle:
 
 
 @cache
-def oracle(name: str) -> ScalarAsker:
+def oracle(name: str) -> ScalarTier:
     """Generated code: a second opinion, and quick."""
-    return ScalarAsker(shield(name))
+    return ScalarTier(shield(name).engine)
 
 
 def offers(name: str, scene: Scene, action: Action) -> bool:
-    return action in oracle(name).decide(scene).safe_actions
+    return action in oracle(name).decide_scene(scene).safe_actions
 
 
 MOST = {"gap": 205.0, "speed": 70.0, "ego_speed": 70.0}

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene import Action, Decisions, Scene, one_action
-from drlsl.driving.shield import OBSERVATION_SIZE, Shield
+from drlsl.driving.scene import Action, Scene, one_action
+from drlsl.driving.shield import OBSERVATION_SIZE, Decisions, Shield
 from drlsl.driving.simulation import TERMS, StepResult, World, load_playbacks
 
 Observation: TypeAlias = npt.NDArray[np.float32]

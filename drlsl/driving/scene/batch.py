@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Final, TypeAlias, TypeVar
+from dataclasses import dataclass
+from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.driving.scene.actions import Action
-from drlsl.driving.scene.model import EGO, SCHEMA, Road, Scene, Vehicle
+from drlsl.driving.scene.facts import SCHEMA
+from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
+from drlsl.driving.scene.rows import copied, put_rows
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
-
-Batch = TypeVar("Batch", "SceneBatch", "Decisions")
 
 EGO_ID: Final = -1
 """`SceneBatch.id` of the ego; other vehicles have ids >= 0."""
@@ -107,59 +106,10 @@ class SceneBatch:
 
     def put(self, places: Integers, scenes: SceneBatch) -> None:
         """Write `scenes`, of as many slots and the same roads, into `places`."""
-        _put(self, places, scenes)
+        put_rows(self, places, scenes)
 
     def replaced(self, places: Integers, scenes: SceneBatch) -> SceneBatch:
         """A copy in which `scenes`, of as many slots and the same roads, stand in `places`."""
-        result = _copied(self)
+        result = copied(self)
         result.put(places, scenes)
         return result
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Decisions:
-    """What the rules say about N scenes.
-
-    `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
-    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the
-    fail-safe instead of an answer.
-    """
-
-    action_mask: Mask
-    target_speed: Floats
-    observation: Floats
-    front_is_free: Mask
-    lane_to_keep: Integers
-    failures: dict[int, str]
-
-    def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
-        """A copy in which `decisions` stand in `places`."""
-        result, order = _copied(self), places.tolist()
-        _put(result, places, decisions)
-        kept = {place: why for place, why in self.failures.items() if place not in order}
-        new = {order[place]: why for place, why in decisions.failures.items()}
-        return replace(result, failures=kept | new)
-
-
-def _copied(batch: Batch) -> Batch:
-    """The same with its arrays copied."""
-    columns = ((field.name, getattr(batch, field.name)) for field in fields(batch))
-    arrays: dict[str, Any] = {name: one.copy() for name, one in columns if isinstance(one, np.ndarray)}
-    return replace(batch, **arrays)
-
-
-def _put(batch: Batch, places: Integers, other: Batch) -> None:
-    """Write the rows of the arrays of `other` into `places`."""
-    for field in fields(batch):
-        array = getattr(batch, field.name)
-        if isinstance(array, np.ndarray):
-            array[places] = getattr(other, field.name)
-
-
-def fail_safe_speed(speed: float, road: Road) -> float:
-    """The target speed [m/s] of the fail-safe: as hard as the ego brakes."""
-    return max(0.0, speed - road.braking_limit * road.time_step)
-
-
-FAIL_SAFE_MASK: Final = tuple(action is Action.LANE_KEEPING for action in Action)
-"""The action mask of the fail-safe: keep the lane, and brake."""

@@ -1,20 +1,16 @@
-"""One moment of traffic around the ego, and the facts that tell the rules about it; no NumPy."""
+"""One moment of traffic around the ego; no NumPy."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
-from drlsl.logic.lowering.schema import Relation, Schema
 from drlsl.traffic import Direction, Lane
 
 EGO: Final = "ego"
 """The atom that names the ego in the rules."""
-
-Row: TypeAlias = tuple[str | int | float, ...]
-Facts: TypeAlias = dict[tuple[str, int], list[Row]]
 
 
 class Vehicle(NamedTuple):
@@ -91,53 +87,3 @@ class Scene:
 def bumper_gap(one: Vehicle, other: Vehicle) -> float:
     """From bumper to bumper along the road [m]; below 0 where two vehicles are alongside."""
     return abs(one.x - other.x) - (one.length + other.length) / 2
-
-
-SCHEMA: Final = Schema(
-    [
-        Relation(
-            "vehicle",
-            ("atom", "int", "float", "float", "float", "float", "float", "float"),
-            key=0,
-            first=EGO,
-            capacity=40,
-            fields=Vehicle._fields,
-        ),
-        Relation(
-            "road_lane",
-            ("int", "atom", "float", "float", "float"),
-            key=0,
-            capacity=6,
-            fields=("id", "direction", "centre", "width", "speed_limit"),
-        ),
-        Relation("target_lane", ("int",), single=True),
-        Relation("time_step", ("float",), single=True),
-        Relation("radar_range", ("float",), single=True),
-        Relation("acceleration_limit", ("float",), single=True),
-        Relation("braking_limit", ("float",), single=True),
-        Relation("centre_tolerance", ("float",), single=True),
-    ]
-)
-"""What the facts of a scene look like."""
-
-
-def road_facts(road: Road) -> Facts:
-    """The facts that hold for every scene on one road."""
-    return {
-        ("road_lane", 5): [
-            (lane.id, lane.direction.value, lane.centre, lane.width, lane.speed_limit) for lane in road.lanes
-        ],
-        ("time_step", 1): [(road.time_step,)],
-        ("radar_range", 1): [(road.radar_range,)],
-        ("acceleration_limit", 1): [(road.acceleration_limit,)],
-        ("braking_limit", 1): [(road.braking_limit,)],
-        ("centre_tolerance", 1): [(road.centre_tolerance,)],
-    }
-
-
-def scene_facts(scene: Scene) -> Facts:
-    """The facts of one moment: the ego first, then the vehicles in radar range."""
-    return {
-        ("vehicle", 8): [scene.ego, *scene.in_range()],
-        ("target_lane", 1): [(scene.target_lane,)],
-    }

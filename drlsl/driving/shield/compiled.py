@@ -1,4 +1,4 @@
-"""The faster tiers: the shield's program lowered to code for one scene, and to arrays for many."""
+"""The faster tiers: a rule program lowered to code for one scene, and to arrays for many."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from drlsl.driving.scene import (
     EGO_ID,
     SCHEMA,
     Action,
-    Decisions,
     Facts,
     Road,
     Row,
@@ -24,9 +23,12 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield.shield import OBSERVATION_SIZE, Decision, Shield
+from drlsl.driving.shield.decision import OBSERVATION_SIZE, Decision, Decisions, decision_of, usable
+from drlsl.driving.shield.questions import ACTIONS, ENTRY, FREE, LANE, QUESTIONS, SPEED, STATE, Question
+from drlsl.driving.shield.tier import SceneTier, Undecidable
+from drlsl.logic import Engine
 from drlsl.logic.lowering.batch_program import BatchAnswer, BatchProgram, Rows
-from drlsl.logic.lowering.errors import NotLowerable, Undecided
+from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.lowering.forms import array_forms
 from drlsl.logic.lowering.lower import Lowered, Query, lower
 from drlsl.logic.lowering.scalar import compile_scalar
@@ -34,51 +36,49 @@ from drlsl.logic.lowering.schema import Relation
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
-ACTIONS: Final = Query("safe_actions", 1, "set")
-SPEED: Final = Query("longitudinal_velocity", 1, "first")
-STATE: Final = Query("state", 1, "first")
-FREE: Final = Query("front_is_free", 0, "holds")
-ENTRY: Final = Query("entry_is_safe", 0, "holds")
-LANE: Final = Query("lane_to_keep", 1, "first")
-
-ASKED: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE)
-"""What driving asks a program; LANE only of one that defines it."""
-
 _NUMBERS: Final = frozenset({"int", "float", "number"})
 
 FIRST_OTHER: Final = 1 << 20
 """The integer that stands for vehicle 0 in arrays; atoms of the program have smaller ones."""
 
 
-class ScalarAsker:
-    """Answers by generated code for one scene; where that cannot decide, by the interpreter."""
+def query_of(question: Question, *, ordered: bool = False) -> Query:
+    """Return a question as it is lowered; of many answers the order counts where it is `ordered`."""
+    mode = "set" if question.mode == "all" and not ordered else question.mode
+    return Query(question.name, question.arity, mode)
 
-    def __init__(self, shield: Shield) -> None:
-        """Lower the shield's program.
+
+ASKED: Final = tuple(map(query_of, QUESTIONS))
+"""What driving asks a program, as it is lowered for arrays."""
+
+
+class ScalarTier(SceneTier):
+    """Generated code for one scene."""
+
+    name = "scalar"
+
+    def __init__(self, engine: Engine) -> None:
+        """Lower the program.
 
         Raises:
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
         """
-        queries = [
-            Query("safe_actions", 1, "all"),
-            SPEED,
-            STATE,
-            FREE,
-            *([LANE] if shield.gives_lane else []),
-        ]
-        self._shield = shield
-        self._answers = compile_scalar(lower(shield.engine, SCHEMA, queries))
-        self._entry = compile_scalar(lower(shield.engine, SCHEMA, [ENTRY]))
+        queries = [query_of(one, ordered=True) for one in _of_a_decision(engine)]
+        self._answers = compile_scalar(lower(engine, SCHEMA, queries))
+        self._entry = compile_scalar(lower(engine, SCHEMA, [query_of(ENTRY)]))
         self._road: Road | None = None
         self._road_facts: Facts = {}
 
-    def decide(self, scene: Scene) -> Decision:
-        """What is safe in `scene`; raises what the interpreter raises."""
-        try:
-            actions, speed, observation, free, *lane = self._answers(self._facts(scene))
-        except Undecided:
-            return self._shield.decide(scene)
-        return self._shield.checked(
+    def decide_scene(self, scene: Scene) -> Decision:
+        """Return what is safe in `scene`.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: the rules offer an action that the agent does not know.
+            Undecided: only the interpreter can tell.
+        """
+        actions, speed, observation, free, *lane = self._answers(self._facts(scene))
+        return decision_of(
             actions=actions,
             speed=speed,
             observation=observation,
@@ -87,11 +87,12 @@ class ScalarAsker:
         )
 
     def entry_is_safe(self, scene: Scene) -> bool:
-        """Whether the ego may be placed where `scene` has it; raises what the interpreter raises."""
-        try:
-            (safe,) = self._entry(self._facts(scene))
-        except Undecided:
-            return self._shield.entry_is_safe(scene)
+        """Return whether the ego may be placed where `scene` has it.
+
+        Raises:
+            Undecided: only the interpreter can tell.
+        """
+        (safe,) = self._entry(self._facts(scene))
         return bool(safe)
 
     def _facts(self, scene: Scene) -> Facts:
@@ -100,26 +101,28 @@ class ScalarAsker:
         return {**self._road_facts, **scene_facts(scene)}
 
 
-class ArrayAsker:
-    """Answers for many scenes by array programs; `undecided` scenes are left to the interpreter."""
+class ArrayTier:
+    """Array programs for many scenes at once."""
 
-    def __init__(self, shield: Shield, compile_program: Callable[[Lowered], BatchProgram[Any]]) -> None:
-        """Lower the shield's program.
+    def __init__(
+        self, name: str, engine: Engine, compile_program: Callable[[Lowered], BatchProgram[Any]]
+    ) -> None:
+        """Lower the program, and compile it.
 
         Raises:
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
             UserError: the rules can offer an action that the agent does not know.
         """
-        queries = [ACTIONS, SPEED, STATE, FREE, *([LANE] if shield.gives_lane else [])]
-        lowered = lower(shield.engine, SCHEMA, queries)
+        lowered = lower(engine, SCHEMA, [query_of(one) for one in _of_a_decision(engine)])
         _check_forms(lowered)
         answers = compile_program(lowered)
-        self._actions = [action_of_atom(atom) for atom in answers.choices[ACTIONS]]
+        self.name = name
+        self._actions = [action_of_atom(atom) for atom in answers.choices[query_of(ACTIONS)]]
         self._answers = _Program(answers)
-        self._entry = _Program(compile_program(lower(shield.engine, SCHEMA, [ENTRY])))
+        self._entry = _Program(compile_program(lower(engine, SCHEMA, [query_of(ENTRY)])))
 
-    def decide(self, scenes: SceneBatch) -> tuple[Decisions, npt.NDArray[np.bool_]]:
-        """The decisions, and (N,) which of them mean nothing because the interpreter has to be asked."""
+    def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
+        """Return what is safe in each scene."""
         (actions, speed, state, free, *lane), undecided = self._answers(scenes)
         mask = np.zeros((len(scenes), len(Action)), dtype=np.bool_)
         for column, action in enumerate(self._actions):
@@ -132,13 +135,20 @@ class ArrayAsker:
             lane_to_keep=np.asarray(lane[0].value, dtype=np.int64) if lane else scenes.target_lane.copy(),
             failures={},
         )
-        unusable = undecided | speed.fails | state.fails | _unusable(decisions)
-        return decisions, unusable | lane[0].fails if lane else unusable
+        for answer in (speed, state, *lane):
+            undecided = undecided | answer.fails
+        return decisions, np.flatnonzero(undecided | ~usable(decisions)).tolist()
 
-    def entries_are_safe(self, scenes: SceneBatch) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """Whether each entry is safe, and which of these answers mean nothing; both of shape (N,)."""
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+        """Return whether the ego may be placed where each scene has it."""
         (entry,), undecided = self._entry(scenes)
-        return entry.value, undecided
+        return entry.value.tolist(), np.flatnonzero(undecided).tolist()
+
+
+def _of_a_decision(engine: Engine) -> list[Question]:
+    """Return the questions whose answers make a decision."""
+    gives_lane = engine.defines(LANE.name, LANE.arity)
+    return [ACTIONS, SPEED, STATE, FREE, *([LANE] if gives_lane else [])]
 
 
 def _check_forms(lowered: Lowered) -> None:
@@ -149,11 +159,13 @@ def _check_forms(lowered: Lowered) -> None:
     """
     for form in array_forms(lowered)[1:]:
         kinds = [node.kind for node in form.values]
-        if form.query == SPEED and not (form.plain and kinds[0] in _NUMBERS):
+        if form.query == query_of(SPEED) and not (form.plain and kinds[0] in _NUMBERS):
             raise NotLowerable(str(form.query), None, "its answer is no speed in m/s")
-        if form.query == STATE and (len(kinds) != OBSERVATION_SIZE or not _NUMBERS.issuperset(kinds)):
+        if form.query == query_of(STATE) and (
+            len(kinds) != OBSERVATION_SIZE or not _NUMBERS.issuperset(kinds)
+        ):
             raise NotLowerable(str(form.query), None, f"its answer is no list of {OBSERVATION_SIZE} numbers")
-        if form.query == LANE and not (form.plain and kinds[0] == "int"):
+        if form.query == query_of(LANE) and not (form.plain and kinds[0] == "int"):
             raise NotLowerable(str(form.query), None, "its answer is no lane")
 
 
@@ -218,14 +230,3 @@ class _Program:
 def _numpy(values: Any) -> npt.NDArray[Any]:
     """Values as a NumPy array, from whatever device they are on."""
     return np.asarray(values if isinstance(values, np.ndarray) else values.cpu())
-
-
-def _unusable(decisions: Decisions) -> Mask:
-    """Decisions that a `Decision` could not hold, shape (N,)."""
-    usable = (
-        decisions.action_mask.any(axis=1)
-        & np.isfinite(decisions.target_speed)
-        & (decisions.target_speed >= 0)
-        & ((decisions.observation >= 0) & (decisions.observation <= 1)).all(axis=1)
-    )
-    return np.asarray(~usable)

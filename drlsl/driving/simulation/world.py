@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene import EGO_ID, Action, Decisions, Scene, SceneBatch, several_actions
-from drlsl.driving.shield import Shield
+from drlsl.driving.scene import EGO_ID, Action, Scene, SceneBatch, several_actions
+from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation.contacts import Contact, Surroundings, worst_contacts
 from drlsl.driving.simulation.egos import Egos
 from drlsl.driving.simulation.entry import Entries, Entry

@@ -1,0 +1,32 @@
+"""Data classes whose arrays have one row for each scene; no NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    from _typeshed import DataclassInstance
+
+    Rows = TypeVar("Rows", bound=DataclassInstance)
+
+
+def copied(rows: Rows) -> Rows:
+    """Return the same with its arrays copied."""
+    return replace(rows, **{name: array.copy() for name, array in _arrays(rows)})
+
+
+def put_rows(rows: Rows, places: npt.NDArray[np.int64], other: Rows) -> None:
+    """Write the rows of the arrays of `other` into `places`."""
+    for name, array in _arrays(rows):
+        array[places] = getattr(other, name)
+
+
+def _arrays(rows: DataclassInstance) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    for field in fields(rows):
+        value = getattr(rows, field.name)
+        if hasattr(value, "shape"):
+            yield field.name, value

@@ -1,0 +1,171 @@
+"""What a usable answer of the rules is, and what is done where there is none: for one scene and for many.
+
+NumPy is loaded where there are many, so that a query about one scene starts without it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows
+from drlsl.driving.shield.questions import LANE, SPEED, STATE
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    Floats: TypeAlias = npt.NDArray[np.float64]
+    Integers: TypeAlias = npt.NDArray[np.int64]
+    Mask: TypeAlias = npt.NDArray[np.bool_]
+
+OBSERVATION_SIZE: Final = 10
+"""Numbers in an observation. Source: paper, State Space."""
+
+FAIL_SAFE_ACTION: Final = Action.LANE_KEEPING
+"""What the fail-safe offers, and nothing else."""
+
+
+class RuleFailure(Exception):
+    """The rules gave no usable answer: an error, an exhausted limit, no action, a number out of range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the rules say about one scene.
+
+    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: 10 numbers
+    in [0, 1]; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers for.
+    """
+
+    safe_actions: tuple[Action, ...]
+    target_speed: float
+    observation: tuple[float, ...]
+    front_is_free: bool
+    lane_to_keep: int
+
+    @property
+    def action_mask(self) -> tuple[int, int, int]:
+        """1 for every action that is offered, by action index."""
+        keep, left, right = (int(action in self.safe_actions) for action in Action)
+        return keep, left, right
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decisions:
+    """What the rules say about N scenes.
+
+    `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
+    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the
+    fail-safe instead of an answer.
+    """
+
+    action_mask: Mask
+    target_speed: Floats
+    observation: Floats
+    front_is_free: Mask
+    lane_to_keep: Integers
+    failures: dict[int, str]
+
+    @classmethod
+    def blank(cls, count: int) -> Decisions:
+        """Return arrays for `count` scenes, to be filled by `put` and `fail`."""
+        import numpy as np
+
+        return cls(
+            action_mask=np.zeros((count, len(Action)), dtype=np.bool_),
+            target_speed=np.zeros(count),
+            observation=np.zeros((count, OBSERVATION_SIZE)),
+            front_is_free=np.zeros(count, dtype=np.bool_),
+            lane_to_keep=np.zeros(count, dtype=np.int64),
+            failures={},
+        )
+
+    def put(self, index: int, decision: Decision) -> None:
+        """Write what the rules say about one scene."""
+        self.action_mask[index] = decision.action_mask
+        self.target_speed[index] = decision.target_speed
+        self.observation[index] = decision.observation
+        self.front_is_free[index] = decision.front_is_free
+        self.lane_to_keep[index] = decision.lane_to_keep
+
+    def fail(self, index: int, scene: Scene, reason: str) -> None:
+        """Write the fail-safe of one scene, and why it has it."""
+        self.put(index, fail_safe(scene))
+        self.failures[index] = reason
+
+    def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
+        """Return a copy in which `decisions` stand in `places`."""
+        result, order = copied(self), places.tolist()
+        put_rows(result, places, decisions)
+        kept = {place: why for place, why in self.failures.items() if place not in order}
+        new = {order[place]: why for place, why in decisions.failures.items()}
+        return replace(result, failures=kept | new)
+
+
+def decision_of(
+    *, actions: list[object], speed: object, observation: object, front_is_free: bool, lane: object
+) -> Decision:
+    """Return the decision that a tier's answers make; an answer that is None has no solution.
+
+    Raises:
+        RuleFailure: an answer is not usable.
+        UserError: the rules offer an action that the agent does not know.
+    """
+    safe = tuple(dict.fromkeys(action_of_atom(atom) for atom in actions))
+    if not safe:
+        raise RuleFailure("the rules offer no action")
+    for question, answer in ((SPEED, speed), (STATE, observation), (LANE, lane)):
+        if answer is None:
+            raise RuleFailure(f"{question} has no solution")
+    target_speed = _number(speed)
+    if not _is_speed(target_speed):
+        raise RuleFailure(f"{SPEED} gave {speed!r}; expected a speed in m/s, 0 or more")
+    if not isinstance(observation, list) or len(observation) != OBSERVATION_SIZE:
+        raise RuleFailure(f"{STATE} gave {observation!r}; expected a list of {OBSERVATION_SIZE} numbers")
+    shares = tuple(map(_number, observation))
+    if not all(map(_is_share, shares)):
+        raise RuleFailure(f"{STATE} gave {observation!r}; expected numbers from 0 to 1")
+    if not isinstance(lane, int):
+        raise RuleFailure(f"{LANE} gave {lane!r}; expected a lane")
+    return Decision(safe, target_speed, shares, front_is_free, lane)
+
+
+def usable(decisions: Decisions) -> Mask:
+    """Return which of N decisions a `Decision` could hold, shape (N,)."""
+    offers: Any = decisions.action_mask.any(axis=1)
+    observed: Any = _is_share(decisions.observation).all(axis=1)
+    result: Mask = offers & observed & _is_speed(decisions.target_speed)
+    return result
+
+
+def fail_safe(scene: Scene) -> Decision:
+    """Return what the ego does where the rules give no usable answer: keep its lane and brake hard."""
+    speed = fail_safe_speed(abs(scene.ego.vx), scene.road)
+    return Decision((FAIL_SAFE_ACTION,), speed, (0.0,) * OBSERVATION_SIZE, False, scene.target_lane)
+
+
+def fail_safe_speed(speed: float, road: Road) -> float:
+    """Return the target speed [m/s] of the fail-safe: as hard as the ego brakes."""
+    return max(0.0, speed - road.braking_limit * road.time_step)
+
+
+def _number(answer: object) -> float:
+    """Return a number as a float: infinity where no float is so large, NaN where it is no number."""
+    if not isinstance(answer, int | float):
+        return math.nan
+    try:
+        return float(answer)
+    except OverflowError:
+        return math.inf
+
+
+def _is_speed(value: Any) -> Any:
+    """Return whether a float is a speed in m/s, or which of an array are; NaN is none."""
+    return (value >= 0) & (value < math.inf)
+
+
+def _is_share(value: Any) -> Any:
+    """Return whether a float lies in [0, 1], or which of an array do."""
+    return (value >= 0) & (value <= 1)

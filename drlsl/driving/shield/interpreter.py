@@ -1,0 +1,84 @@
+"""The tier that every other is measured by: the program run as it is written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from drlsl.driving.scene import SCHEMA, Road, Scene, road_facts, scene_facts
+from drlsl.driving.shield.decision import Decision, RuleFailure, decision_of
+from drlsl.driving.shield.questions import ACTIONS, ENTRY, FREE, LANE, QUESTIONS, SPEED, STATE, Question
+from drlsl.driving.shield.tier import SceneTier
+from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
+
+
+class Interpreter(SceneTier):
+    """Tells an engine the facts of a scene and asks it."""
+
+    name = "interpreter"
+
+    def __init__(self, engine: Engine, limits: Limits) -> None:
+        """Prepare what is asked of the program of `engine`; `limits` hold for each question."""
+        self.engine = engine
+        self.limits = limits
+        self.gives_lane = engine.defines(LANE.name, LANE.arity)
+        self._goals = {one: engine.prepare(one.goal) for one in QUESTIONS if one.required or self.gives_lane}
+        self._road: Road | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Have a copy tell its own engine the facts of the road."""
+        return vars(self) | {"_road": None}
+
+    def decide_scene(self, scene: Scene) -> Decision:
+        """Return what is safe in `scene`.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: the rules offer an action that the agent does not know.
+        """
+        self.state_facts(scene)
+        try:
+            return decision_of(
+                actions=[one[ACTIONS.variable] for one in self._goals[ACTIONS].solutions(self.limits)],
+                speed=self._first(SPEED),
+                observation=self._first(STATE),
+                front_is_free=self._holds(FREE),
+                lane=self._first(LANE) if self.gives_lane else scene.target_lane,
+            )
+        except (PrologError, LimitExceeded) as error:
+            raise RuleFailure(f"the rules raised an error: {error}") from error
+
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Return whether the ego may be placed where `scene` has it.
+
+        Raises:
+            RuleFailure: the rules raised an error.
+        """
+        self.state_facts(scene)
+        try:
+            return self._holds(ENTRY)
+        except (PrologError, LimitExceeded) as error:
+            raise RuleFailure(f"the rules raised an error: {error}") from error
+
+    def state_facts(self, scene: Scene) -> None:
+        """Tell the engine about `scene`: its facts replace those of the scene before.
+
+        Raises:
+            RuleFailure: a number is NaN, or a value is of another kind than its fact has.
+        """
+        facts = scene_facts(scene)
+        if scene.road is not self._road:
+            facts |= road_facts(scene.road)
+        self._road = None
+        for (name, arity), rows in facts.items():
+            try:
+                self.engine.replace_facts(name, arity, SCHEMA.relations[name, arity].conform(rows))
+            except (TypeError, ValueError) as error:
+                raise RuleFailure(f"the fact {name}/{arity} cannot be told: {error}") from error
+        self._road = scene.road
+
+    def _first(self, question: Question) -> object:
+        solution = self._goals[question].once(self.limits)
+        return None if solution is None else solution[question.variable]
+
+    def _holds(self, question: Question) -> bool:
+        return self._goals[question].once(self.limits) is not None

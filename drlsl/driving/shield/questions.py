@@ -1,0 +1,50 @@
+"""What driving asks a rule program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A predicate that is asked, and the variable that stands for its answer; none: whether it holds.
+
+    `many`: every answer counts, not the first alone; `required`: a program has to define it.
+    """
+
+    name: str
+    variable: str = ""
+    many: bool = False
+    required: bool = True
+
+    @property
+    def arity(self) -> int:
+        """The number of arguments."""
+        return 1 if self.variable else 0
+
+    @property
+    def goal(self) -> str:
+        """The goal that asks it, as text."""
+        return f"{self.name}({self.variable})" if self.variable else self.name
+
+    @property
+    def mode(self) -> Literal["holds", "first", "all"]:
+        """Which of the answers count."""
+        if not self.variable:
+            return "holds"
+        return "all" if self.many else "first"
+
+    def __str__(self) -> str:
+        return f"{self.name}/{self.arity}"
+
+
+ACTIONS: Final = Question("safe_actions", "Action", many=True)
+SPEED: Final = Question("longitudinal_velocity", "Speed")
+STATE: Final = Question("state", "Observation")
+FREE: Final = Question("front_is_free")
+LANE: Final = Question("lane_to_keep", "Lane", required=False)
+ENTRY: Final = Question("entry_is_safe")
+
+QUESTIONS: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE)
+"""All of them."""

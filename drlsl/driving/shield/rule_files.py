@@ -1,0 +1,58 @@
+"""The files that a rule program is made of, and the programs that ship with the package."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from drlsl.errors import UserError
+from drlsl.logic import Engine, Limits
+
+LOADING: Final = Limits(inferences=20_000_000, seconds=60.0)
+"""What loading a rule file may cost, its directives included."""
+
+
+def default_rules() -> tuple[Path, ...]:
+    """The files of the default program.
+
+    Raises:
+        UserError: the package has no rules.
+    """
+    return (rules_folder() / "highway.pl",)
+
+
+def rules_folder() -> Path:
+    """Where the programs are that ship with the package: in it, or in the checkout of an editable install.
+
+    Raises:
+        UserError: neither place has them.
+    """
+    package = Path(str(files("drlsl")))
+    for folder in (package / "rules", package.parent / "rules"):
+        if (folder / "highway.pl").is_file():
+            return folder
+    raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
+
+
+def consult_rules(engine: Engine, path: str | Path) -> None:
+    """Consult a rule file, or the program of this name that ships with the package.
+
+    The files that it names are looked for beside it, then among the programs that ship.
+
+    Raises:
+        UserError: the file cannot be read.
+        PrologError: it is not a valid program, or loading it goes beyond `LOADING`.
+    """
+    try:
+        engine.consult(rule_file(path), [rules_folder()], limits=LOADING)
+    except OSError as error:
+        raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+
+
+def rule_file(path: str | Path) -> Path:
+    """A rule file, or the program of this name that ships with the package."""
+    if Path(path).exists() or len(Path(path).parts) > 1:
+        return Path(path)
+    shipped = rules_folder() / path
+    return shipped if shipped.is_file() else Path(path)

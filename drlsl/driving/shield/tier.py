@@ -1,0 +1,89 @@
+"""What every tier is: something that runs a rule program on scenes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Protocol, TypeAlias
+
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure
+from drlsl.logic.lowering.errors import Undecided
+
+if TYPE_CHECKING:
+    from drlsl.driving.scene import SceneBatch
+
+Undecidable: TypeAlias = list[int]
+"""Places of the scenes that a tier leaves to the interpreter; what it answers for them is undefined."""
+
+
+class Tier(Protocol):
+    """Answers what driving asks, for N scenes; a scene on which the rules fail gets the fail-safe."""
+
+    @property
+    def name(self) -> str:
+        """interpreter, scalar, numpy, numba or torch."""
+
+    def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
+        """Return what is safe in each scene."""
+
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+        """Return whether the ego may be placed where each scene has it; where the rules fail, it may not."""
+
+
+class SceneTier(ABC):
+    """A tier that answers one scene at a time."""
+
+    name: str
+
+    @abstractmethod
+    def decide_scene(self, scene: Scene) -> Decision:
+        """Return what is safe in `scene`.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: the rules offer an action that the agent does not know.
+            Undecided: only the interpreter can tell.
+        """
+
+    @abstractmethod
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Return whether the ego may be placed where `scene` has it.
+
+        Raises:
+            RuleFailure: the rules raised an error.
+            Undecided: only the interpreter can tell.
+        """
+
+    def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
+        """Return what is safe in each scene."""
+        decisions, left = Decisions.blank(len(scenes)), []
+        for index in range(len(scenes)):
+            try:
+                self.decide_into(decisions, index, scenes.scene(index))
+            except Undecided:
+                left.append(index)
+        return decisions, left
+
+    def decide_into(self, decisions: Decisions, index: int, scene: Scene) -> None:
+        """Write what is safe in one scene, or its fail-safe, into the decisions of many."""
+        try:
+            decisions.put(index, self.decide_scene(scene))
+        except RuleFailure as failure:
+            decisions.fail(index, scene, str(failure))
+
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+        """Return whether the ego may be placed where each scene has it."""
+        answers, left = [False] * len(scenes), []
+        for index in range(len(scenes)):
+            try:
+                answers[index] = self.is_surely_safe_entry(scenes.scene(index))
+            except Undecided:
+                left.append(index)
+        return answers, left
+
+    def is_surely_safe_entry(self, scene: Scene) -> bool:
+        """Return whether the rules say so; a place that they cannot judge is no place to start from."""
+        try:
+            return self.entry_is_safe(scene)
+        except RuleFailure:
+            return False
