@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import typer
 
 if TYPE_CHECKING:
     from drlsl.driving import Counts, EnvConfig, StressReport
+
+Offers: TypeAlias = Literal["rules", "prediction", "all"]
 
 
 def stress(
@@ -24,10 +26,18 @@ def stress(
         Literal["all", "random", "always-change", "adversarial"],
         typer.Option(help="How to choose among the offered actions; all: the episodes take turns."),
     ] = "all",
+    offers: Annotated[
+        Offers | None,
+        typer.Option(
+            help="Who says which actions are offered: the rules, a linear prediction, or all are; the rules say "
+            "how fast to go in any case.",
+            show_default="rules",
+        ),
+    ] = None,
     shield: Annotated[
-        Literal["rules", "prediction", "none"],
-        typer.Option(help="Who says which actions are offered; the rules say how fast to go in any case."),
-    ] = "rules",
+        Literal["rules", "prediction", "none"] | None,
+        typer.Option(hidden=True, help="What --offers was called until 0.2; its none is all."),
+    ] = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
     rules: Annotated[
         list[Path] | None,
@@ -60,7 +70,7 @@ def stress(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Drive episodes with policies that look for trouble among what a shield offers, and count contacts."""
+    """Drive episodes with policies that look for trouble among what is offered, and count contacts."""
     from drlsl.driving import POLICIES
     from drlsl.errors import UserError
     from drlsl.traffic import bundled_recordings
@@ -72,7 +82,7 @@ def stress(
         direction=direction,
         rules=tuple(map(str, rules or ())),
         tier=tier,
-        offers="all" if shield == "none" else shield,
+        offers=_offers(offers, shield),
         traffic=traffic,
         sensing={
             "position_noise": position_noise,
@@ -86,6 +96,23 @@ def stress(
     if out is not None:
         _write_worst(report, out)
     print(json.dumps(report.as_json(), indent=2) if as_json else _report(report))
+
+
+def _offers(offers: Offers | None, shield: str | None) -> str:
+    """Return who offers the actions, from the flag or the one that it replaces.
+
+    Raises:
+        UserError: both flags are given.
+    """
+    if shield is None:
+        return offers or "rules"
+    from drlsl.errors import UserError
+
+    if offers is not None:
+        raise UserError("--shield is the old name of --offers; give --offers alone")
+    value = "all" if shield == "none" else shield
+    typer.echo(f"drlsl: --shield {shield} is now --offers {value}; --shield goes with 0.3", err=True)
+    return value
 
 
 def _config(**settings: Any) -> EnvConfig:

@@ -166,5 +166,19 @@ def test_json_counts_for_all_policies_and_for_each(capsys: pytest.CaptureFixture
 def test_numbers_out_of_range_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["stress", "freeway", "--drop-rate", "1.5"]) == 2
     assert "--drop-rate: Input should be less than 1, got 1.5" in capsys.readouterr().err
-    assert run(["stress", "freeway", "--shield", "prediction", "--horizon", "0"]) == 2
+    assert run(["stress", "freeway", "--offers", "prediction", "--horizon", "0"]) == 2
     assert "--horizon" in capsys.readouterr().err
+
+
+def test_the_old_name_of_a_flag_still_works_and_says_what_it_is_called_now(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    command = ["stress", "highway-test", "--episodes", "1", "--policy", "random", "--json"]
+    assert run([*command, "--shield", "none"]) == 0
+    old = capsys.readouterr()
+    assert old.err == "drlsl: --shield none is now --offers all; --shield goes with 0.3\n"
+    assert run([*command, "--offers", "all"]) == 0
+    new = capsys.readouterr()
+    assert (new.out, new.err) == (old.out, "")
+    assert run([*command, "--offers", "all", "--shield", "rules"]) == 2
+    assert "give --offers alone" in capsys.readouterr().err
