@@ -29,7 +29,7 @@ def stress(
     offers: Annotated[
         Offers | None,
         typer.Option(
-            help="Who says which actions are offered: the rules, a linear prediction, or all are; the rules say "
+            help="Who says which actions are offered: rules, a linear prediction, or nobody. The rules say "
             "how fast to go in any case.",
             show_default="rules",
         ),
