@@ -158,6 +158,7 @@ def _floats_line(result: Result) -> Iterator[str]:
         yield "in floats too: it rests on no comparison that rounds"
         return
     line = f"in floats wherever no comparison lies within {floats.margin:g}, in its unit, of its limit"
+    line += ", and no divisor so near to 0" * floats.divisors
     yield f"{line}; there none is off by more than {floats.error:.2g}"
     if floats.because is not None:
         yield floats.because

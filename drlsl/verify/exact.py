@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, Generic, TypeAlias, TypeVar
 
 from drlsl.logic.lowering.ir import Node, reach
-from drlsl.logic.lowering.numbers import FUNCTIONS, rounded, sign, truncated
+from drlsl.logic.lowering.numbers import FUNCTIONS, OPERATIONS, SMALLEST_DIVISOR
 from drlsl.logic.terms import Atom
 from drlsl.verify.drawn_facts import ExactFacts
 from drlsl.verify.enclosures import ANY, NO_NUMBER, Enclosure, hull, operation, point
@@ -316,38 +316,35 @@ class _Exact(_Evaluation[Enclosure]):
     def _either(self, one: Enclosure, other: Enclosure) -> Enclosure:
         return hull(one, other)
 
-    def _less(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
+    def _measured(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
+        """Keep how far apart two numbers are; False where one of them is none, None where it may be."""
         if left is NO_NUMBER or right is NO_NUMBER:
             return False
         if left is ANY or right is ANY:
             return None
         self.distances[place] = max(left.high - right.low, right.high - left.low)
-        if left.high < right.low:
-            return True
+        return True
+
+    def _less(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
+        measured = self._measured(place, left, right)
+        if not measured or left.high < right.low:
+            return measured
         return False if left.low >= right.high else None
 
     def _equal(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
-        if left is NO_NUMBER or right is NO_NUMBER:
-            return False
-        if left is ANY or right is ANY:
-            return None
-        self.distances[place] = max(left.high - right.low, right.high - left.low)
-        if left.high < right.low or right.high < left.low:
-            return False
-        return True if left.low == left.high == right.low == right.high else None
+        measured = self._measured(place, left, right)
+        if not measured or left.low == left.high == right.low == right.high:
+            return measured
+        return False if left.high < right.low or right.high < left.low else None
 
     def _within(self, place: Place, value: Enclosure, bound: float) -> Truth:
-        if value is NO_NUMBER:
-            return False
-        if value is ANY:
-            return None
-        limit = Fraction(bound)
-        least = max(value.low, -value.high, Fraction(0))
-        most = max(value.high, -value.low)
-        self.distances[place] = max(abs(limit - least), abs(limit - most))
-        if most <= limit:
-            return True
-        return False if least > limit else None
+        # a real number can be divided by anything but 0: that a quotient overflows is a matter of floats
+        limit = point(Fraction(0 if bound == SMALLEST_DIVISOR else bound))
+        size = operation("abs", None, (value,), self._bits)
+        measured = self._measured(place, size, limit)
+        if not measured or size.high <= limit.low:
+            return measured
+        return False if size.low > limit.high else None
 
 
 class _Floats(_Evaluation[Any]):
@@ -360,14 +357,14 @@ class _Floats(_Evaluation[Any]):
         if node.op == "function":
             return FUNCTIONS[node.data](*args)
         try:
-            return _FLOATS[node.op](*args)
+            return OPERATIONS[node.op](*args)
         except (ArithmeticError, ValueError):
             return math.nan
 
     def _joined(self, op: str, values: Sequence[Any]) -> Any:
         result = values[0]
         for value in values[1:]:
-            result = _FLOATS[op](result, value)
+            result = OPERATIONS[op](result, value)
         return result
 
     def _either(self, one: Any, other: Any) -> Any:
@@ -381,32 +378,6 @@ class _Floats(_Evaluation[Any]):
 
     def _within(self, place: Place, value: Any, bound: float) -> Truth:
         return bool(abs(value) <= bound)
-
-
-_FLOATS: Final[Mapping[str, Callable[..., Any]]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b,
-    "neg": lambda a: -a,
-    "abs": abs,
-    "sign": sign,
-    "isign": lambda a: (a > 0) - (a < 0),
-    "min": lambda a, b: a if a < b else b,
-    "max": lambda a, b: a if a >= b else b,
-    "sqrt": math.sqrt,
-    "tofloat": float,
-    "floor": math.floor,
-    "ceiling": math.ceil,
-    "truncate": math.trunc,
-    "round": rounded,
-    "truncdiv": truncated,
-    "floordiv": lambda a, b: a // b,
-    "mod": lambda a, b: a % b,
-    "bitand": lambda a, b: a & b,
-    "bitor": lambda a, b: a | b,
-    "bitxor": lambda a, b: a ^ b,
-}
 
 
 def _all(truths: Sequence[Truth]) -> Truth:

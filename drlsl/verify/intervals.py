@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.logic.lowering.ir import Node, Pool, relation_of
+from drlsl.logic.lowering.numbers import SMALLEST_DIVISOR, is_checked_divisor
 from drlsl.verify import rounding
 from drlsl.verify.ranges import MOST_LANES_ONE_WAY, Range
 from drlsl.verify.rounding import ANY, Approximation, down, up
@@ -179,9 +180,7 @@ class Values:
             case "div":
                 low, high = rounding.quotient(args[0].low, args[0].high, args[1].low, args[1].high)
                 bounds = (max(low, bounds[0]), min(high, bounds[1]))
-                return rounding.divide(
-                    args[0], args[1], bounds, 0.0 if context.blind else self.clear(args[1])
-                )
+                return rounding.divide(args[0], args[1], bounds, self._nearest(node.args[1], context))
             case "sqrt":
                 low, high = rounding.root_range(args[0])
                 return rounding.square_root(args[0], (max(low, bounds[0]), min(high, bounds[1])))
@@ -194,7 +193,7 @@ class Values:
             case "sign" | "isign":
                 return Approximation(-1.0, 1.0, 0.0, unit=True)
             case "function":
-                return rounding.apply(node.data, *self._defined(node.data, args, context))
+                return rounding.apply(node.data, *self._defined(node, args, context))
             case "floor" | "ceiling" | "truncate" | "round":
                 return Approximation(args[0].low - 1.0, args[0].high + 1.0)
             case "mod":
@@ -203,11 +202,14 @@ class Values:
                 return Approximation(-args[0].magnitude - 1.0, args[0].magnitude + 1.0)
         return Approximation(node.low, node.high) if node.kind == "int" else ANY
 
-    def _defined(self, name: str, args: list[Approximation], context: Context) -> list[Approximation]:
-        """The arguments of a function where it has a value: no logarithm of 0, and no power of 0 below 0."""
+    def _defined(self, node: Node, args: list[Approximation], context: Context) -> list[Approximation]:
+        """The arguments of a function where it has a value: no logarithm of 0, and no power of 0 below 0.
+
+        Only what may be 0 was compared with it.
+        """
         one = args[0]
-        told = name == "log" or (name == "pow" and args[1].high < 0.0 and one.low >= 0.0)
-        if not told or context.blind:
+        told = node.data == "log" or (node.data == "pow" and args[1].high < 0.0 and one.low >= 0.0)
+        if not told or context.blind or one.low > 0.0 or node.args[0].low > 0.0:
             return args
         return [one.within(self.clear(one) or math.ulp(0.0), math.inf), *args[1:]]
 
@@ -275,7 +277,7 @@ class Values:
             if near > end:
                 break
             piece = self._narrow_either(wild, sign * near, sign * far, context)
-            if piece is not None and self.of(wild, piece).error + tame.error >= step:
+            if piece is not None and self.of(wild, piece).error >= step:
                 return None
             step *= STRIDE
         else:
@@ -289,6 +291,16 @@ class Values:
     def clear(self, number: Approximation) -> float:
         """How far from 0 a number is that a comparison has told from it."""
         return 0.0 if number.is_exact else self.margin
+
+    def may_vanish(self, divisor: Node, context: Context) -> bool:
+        """Whether a divisor counts as compared with 0: not one that is sure to be further from it."""
+        number = self.of(divisor, context)
+        return is_checked_divisor(divisor) and not number.least > up(SMALLEST_DIVISOR + number.error)
+
+    def _nearest(self, divisor: Node, context: Context) -> float:
+        """How near to 0 a divisor comes: clear of it, where it counts as compared with it."""
+        least = self.of(divisor, context).least
+        return max(least, self.margin) if not context.blind and self.may_vanish(divisor, context) else least
 
     # ---------------------------------------------------------------- conditions
 
@@ -325,9 +337,9 @@ class Values:
                 low, high = max(one.low, other.low), min(one.high, other.high)
                 narrowed = self.narrow(args[0], low, high, context)
                 return narrowed and self.narrow(args[1], low, high, narrowed)
-            case "within" if not holds and cond.data < 1.0 and self.of(args[0], context).low >= 0.0:
-                number = self.of(args[0], context)
-                return self.narrow(args[0], self.clear(number), math.inf, context)
+            case "within" if not holds and cond.data == SMALLEST_DIVISOR:
+                if self.of(args[0], context).low >= 0.0:
+                    return self.narrow(args[0], self._nearest(args[0], context), math.inf, context)
         return context
 
     def _ordered(self, low: Node, high: Node, context: Context, *, strict: bool) -> Context | None:

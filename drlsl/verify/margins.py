@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from drlsl.logic.lowering.ir import QUANTIFIERS, Node, Pool
 from drlsl.logic.lowering.lower import Answer
-from drlsl.logic.lowering.numbers import COMPARISONS
+from drlsl.logic.lowering.numbers import COMPARISONS, SMALLEST_DIVISOR
 from drlsl.logic.operators import Operators
 from drlsl.logic.terms import Atom, Struct, Var
 from drlsl.logic.writer import format_term
@@ -46,16 +46,21 @@ class Floats:
     `margin`: they decide alike wherever no comparison lies within it of its limit; None: no such margin is
     known, and the proof is one in real arithmetic only. `error` is the largest bound on the rounding error
     of a comparison that is clear of its limit by the margin. `comparison` is the one that has it; of a margin
-    above the usual, the one that calls for so much; of none, the one that stands in the way.
+    above the usual, the one that calls for so much; of none, the one that stands in the way: what `overflows`
+    is a division by what is too near to 0. `divisors`: some count as compared with 0.
     """
 
     margin: float | None
     error: float
     comparison: str | None = None
+    divisors: bool = False
+    overflows: bool = False
 
     @property
     def because(self) -> str | None:
         """Why the proof says less of doubles than usual, or nothing; None where it says no less."""
+        if self.overflows:
+            return f"{self.comparison} may overflow: no margin keeps its divisor far enough from 0"
         if self.margin is None:
             off = f"by {self.error:.2g}" if math.isfinite(self.error) else "by any amount"
             return f"{self.comparison} may be off {off}"
@@ -69,6 +74,7 @@ class Floats:
             "margin": self.margin,
             "error": self.error if math.isfinite(self.error) else None,
             "comparison": self.comparison,
+            "divisors": self.divisors,
             "because": self.because,
         }
 
@@ -81,6 +87,13 @@ class _Walk:
         self._seen: set[tuple[Node, Context]] = set()
         self.largest: tuple[float, Node | None] = (0.0, None)
         self.failed: tuple[float, Node | None] | None = None
+        self.divisors = False
+        self._overflows: set[Node] = set()
+
+    @property
+    def overflows(self) -> bool:
+        """Whether what stands in the way is a division by what is too near to 0."""
+        return self.failed is not None and self.failed[1] in self._overflows
 
     def visit(self, node: Node, context: Context) -> None:
         """Check the comparisons in a node."""
@@ -139,14 +152,27 @@ class _Walk:
         match node.op:
             case "lt" | "eq" if node.args[0].kind not in ("atom", "index", "bool"):
                 self._difference(node, node.args[0], node.args[1], context)
-            case "within" if node.data < 1.0:
-                self._difference(node, node.args[0], values.pool.const(0.0), context, node.data)
+            case "within" if node.data == SMALLEST_DIVISOR:
+                self._divisor(node, context)
             case "within":
                 number = values.of(node.args[0], context)
                 if not number.magnitude + number.error < node.data:
                     self._judge(node, math.inf)
             case "sign" | "floor" | "ceiling" | "truncate" | "round" if node.args[0].kind == "float":
                 self._judge(node, values.of(node.args[0], context).error)
+
+    def _divisor(self, node: Node, context: Context) -> None:
+        """Judge a division by the comparison of its divisor with 0, if a scene may be clear of that."""
+        values, divisor = self._values, node.args[0]
+        if not values.may_vanish(divisor, context):
+            return
+        number = values.of(divisor, context)
+        if 0.0 < number.least <= SMALLEST_DIVISOR or number.magnitude <= values.margin:
+            self._overflows.add(node)
+            self._judge(node, math.inf)
+            return
+        self.divisors = True
+        self._difference(node, divisor, values.pool.const(0.0), context, SMALLEST_DIVISOR)
 
     def _difference(self, node: Node, left: Node, right: Node, context: Context, more: float = 0.0) -> None:
         """Judge a comparison by how far off the difference of its sides may be, by how large it is."""
@@ -202,10 +228,11 @@ def margin_of(answer: Answer, pool: Pool, ranges: Mapping[str, Range], vehicles:
 
     first = walk(USUAL_MARGIN)
     if first.failed is None:
-        return Floats(USUAL_MARGIN, first.largest[0], _written(pool, first.largest[1]))
+        return Floats(USUAL_MARGIN, first.largest[0], _written(pool, first.largest[1]), first.divisors)
     last = walk(GREATEST_MARGIN)
     if last.failed is not None:
-        return Floats(None, last.failed[0], _written(pool, last.failed[1]))
+        error, node = last.failed
+        return Floats(None, error, _written(pool, node), last.divisors, last.overflows)
     failing, enough = 0, len(_MARGINS) - 1
     while enough - failing > 1:
         middle = (failing + enough) // 2
@@ -213,9 +240,9 @@ def margin_of(answer: Answer, pool: Pool, ranges: Mapping[str, Range], vehicles:
             enough = middle
         else:
             failing = middle
-    below = walk(_MARGINS[failing])
+    below, above = walk(_MARGINS[failing]), walk(_MARGINS[enough])
     assert below.failed is not None
-    return Floats(_MARGINS[enough], walk(_MARGINS[enough]).largest[0], _written(pool, below.failed[1]))
+    return Floats(_MARGINS[enough], above.largest[0], _written(pool, below.failed[1]), above.divisors)
 
 
 def _written(pool: Pool, node: Node | None) -> str | None:

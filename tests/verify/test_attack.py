@@ -198,6 +198,26 @@ def test_what_only_floats_break_is_told_with_its_amount(tmp_path: Path) -> None:
     assert slight.hit.amount == 0
 
 
+@pytest.mark.parametrize(
+    ("goals", "amount"),
+    [
+        ("V > 0.0, X is 1.0 / V", 1e-300),
+        ("V > 0.0, D is V * V * V * V, X is 1.0 / D", 1e-300),  # in floats it is 0
+        ("V > 0.0, A is 1.0 / V, X is A * A * A * A * A * A * A * A", 1e-38),
+        ("V > 1.0, D is V * 1.0e-200, X is 1.0e150 / D", 1e-198),
+    ],
+)
+def test_what_overflows_next_to_0_breaks_a_property_in_floats_only(
+    tmp_path: Path, goals: str, amount: float
+) -> None:
+    for last in ("X < 0.0", "fail"):
+        hit = broken(tmp_path, f"{EGO_SPEED}, {goals}, {last}", 6000).hit
+        assert hit is not None
+        assert (hit.kind, hit.counterexample.error is None) == ("float", False)
+        assert hit.amount is not None
+        assert 0 < hit.amount <= amount
+
+
 def test_what_holds_is_not_broken_and_the_reader_sees_how_near_scenes_came(tmp_path: Path) -> None:
     result = broken(tmp_path, f"{EGO_SPEED}, V > 69.0, V > 70.0", 20_000)
     assert result.hit is None

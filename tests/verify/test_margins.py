@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 
 import pytest
 
 from drlsl.driving.shield import default_rules
-from drlsl.logic.lowering.ir import Node, reach
+from drlsl.logic.lowering.ir import Node, Pool, reach
 from drlsl.logic.lowering.unfold import deep_recursion
 from drlsl.verify.assumed import Simplifier
 from drlsl.verify.drawn_facts import ExactFacts
 from drlsl.verify.exact import _Exact, _Floats, judge
-from drlsl.verify.intervals import Values
+from drlsl.verify.intervals import Context, Values
 from drlsl.verify.margins import USUAL_MARGIN, Floats
 from drlsl.verify.ordering import Order
 from drlsl.verify.prove import Prover
+from drlsl.verify.ranges import RANGES
+from drlsl.verify.rounding import Approximation
 
 RULES = default_rules()[0].parent
 EGO = "vehicle(ego,_,_,_,V,_,_,_)"
@@ -80,6 +84,52 @@ def test_an_infinite_error_is_said_to_be_one(tmp_path: Path) -> None:
     assert found.margin is None
     assert found.because is not None
     assert found.because.endswith("may be off by any amount")
+
+
+@pytest.mark.parametrize(
+    ("clause", "counts"),
+    [
+        ("V > 0.0, X is 1.0 / V, X < 0.0", True),
+        ("X is 1.0 / (V - 30.0), X < 0.0, fail", True),
+        ("V > 0.0, X is 1.0 / (V * V + 1.0), X < 0.0", False),
+        ("V > 0.5, X is 1.0 / (V * 0.1), X < 0.0", False),
+        ("V > 3.0, X is V / 7.0, X < 0.0", False),
+    ],
+)
+def test_a_divisor_that_may_be_0_counts_as_compared_with_it(
+    tmp_path: Path, clause: str, counts: bool
+) -> None:
+    found = of(tmp_path, f"{EGO}, {clause}.")
+    assert found.margin == USUAL_MARGIN
+    assert found.divisors is counts
+    assert found.as_json()["divisors"] is counts
+
+
+@pytest.mark.parametrize(
+    "clause",
+    [
+        "V > 1.0, D is V * 1.0e-200, X is 1.0e150 / D",  # in every scene that comes so far
+        "V > 30.0, D is (V - 30.0) * 1.0e-200, X is 1.0e150 / D",
+        "D is max(V, 1.0e-40), A is 1.0 / D, X is A * A * A * A * A * A * A * A",
+    ],
+)
+def test_a_division_that_overflows_at_no_limit_has_no_margin(tmp_path: Path, clause: str) -> None:
+    found = of(tmp_path, f"{EGO}, {clause}, X < 0.0.")
+    assert found.margin is None
+    assert found.because is not None
+    assert "one.pl:2) may overflow: no margin keeps its divisor" in found.because
+
+
+@pytest.mark.parametrize(
+    "clause",
+    [
+        "D is max(V * 0.1, 1.0e-20), X is 1.0 / D, Y is (X + 1.0) - X, Y < 0.5",
+        "D is max(V * 0.1, 1.0e-300), X is log(D), Y is X * X * X * X * X * X, Z is (Y + 1.0) - Y, Z < 0.999",
+        "D is max(V * 0.1, 1.0e-20), X is D ** -1.0, Y is (X + 1.0) - X, Y < 0.5",
+    ],
+)
+def test_what_no_comparison_keeps_from_0_is_as_near_to_it_as_it_may_be(tmp_path: Path, clause: str) -> None:
+    assert of(tmp_path, f"{EGO}, {clause}.").margin is None  # with V = 0 each is broken in floats
 
 
 @pytest.mark.parametrize("name", ["properties.pl", "dynamics.pl"])
@@ -266,6 +316,64 @@ def test_no_number_is_further_off_than_its_bound(tmp_path: Path, steep: str, wan
     assert tried > 100
 
 
+class Steep(Values):
+    """Two numbers of which the error is given: `wild` is the more in error the further it is along `sign`."""
+
+    def __init__(
+        self, sign: float, reach: float, errors: Sequence[tuple[float, float]], tame: Approximation
+    ) -> None:
+        super().__init__(Pool(), RANGES, 0, 1e-9)
+        one = self.pool.const(1.0)
+        self.wild = self.pool.make("function", "float", (one,), "wild")
+        self.tame = self.pool.make("function", "float", (one,), "tame")
+        self.sign, self.reach, self.errors, self.known = sign, reach, errors, tame
+
+    def of(self, node: Node, context: Context) -> Approximation:
+        if node is self.tame:
+            return self.known
+        if node is not self.wild:
+            return super().of(node, context)
+        low, high = context.ranges.get(node, (-self.reach, self.reach))
+        return Approximation(low, high, max(self.off(low), self.off(high)))
+
+    def off(self, value: float) -> float:
+        """The error of a wild number."""
+        return max(error for start, error in self.errors if self.sign * value >= start)
+
+
+def steep(sign: float, rng: random.Random) -> Steep:
+    """A wild number whose error has a jump, often where it matters: next to the tame one."""
+    middle, width = rng.uniform(-20.0, 20.0), rng.choice([0.0, 1.0, 5.0])
+    tame = Approximation(middle - width / 2, middle + width / 2, rng.choice([0.0, 1e-3, 0.5]))
+    edge = sign * middle + width / 2
+    start = edge + rng.choice([rng.random(), 10 ** rng.uniform(0, 7), -1.0])
+    jump = rng.choice([0.5, 2.0, 0.5 * abs(start), 3.0 * abs(start), 1e6])
+    errors = [(-math.inf, 10 ** rng.uniform(-6, 0)), (start, jump)]
+    return Steep(sign, 10 ** rng.uniform(2, 8), errors, tame)
+
+
+@pytest.mark.parametrize(("op", "sign"), [("min", 1.0), ("max", -1.0)])
+def test_a_clamp_is_off_by_no_more_than_its_bound_wherever_its_wild_side_is(op: str, sign: float) -> None:
+    """What is cut off does no harm only while it is further from the limit than it is in error."""
+    rng, pick, less = random.Random(3), {"min": min, "max": max}[op], 0
+    for _ in range(300):
+        values = steep(sign, rng)
+        tame = values.known
+        clamp = values.pool.make(op, "float", (values.wild, values.tame))
+        bound = values.of(clamp, values.start).error
+        less += bound < values.off(sign * values.reach)
+        edges = [sign * tame.low, sign * tame.high, values.errors[1][0]]
+        places = [edge + step for edge in edges for step in (0.0, 1e-9, 0.5, 1.0, 8.0)]
+        places += [10 ** rng.uniform(-2, 8) for _ in range(20)]
+        for wild, known in product((sign * place for place in places), (tame.low, tame.high)):
+            off = values.off(wild)
+            if abs(wild) <= values.reach:
+                doubles = product((wild - off, wild + off), (known - tame.error, known + tame.error))
+                worst = max(abs(pick(pair) - pick(wild, known)) for pair in doubles)
+                assert worst <= bound + 1e-6  # which the sums here may be off by
+    assert less > 15
+
+
 def disagreements(folder: Path, seed: int, pairs: int) -> tuple[int, int]:
     """How many numbers exact arithmetic judges unlike doubles; none further off than the margin says."""
     rng = random.Random(seed)
@@ -275,16 +383,12 @@ def disagreements(folder: Path, seed: int, pairs: int) -> tuple[int, int]:
     margin = prover.floats("q", 0).margin
     answer, seen, unlike = prover.answers["q"], 0, 0
     with deep_recursion():
-        for values in near_limits(answer.found, rng, pairs):
+        for values in [*near_limits(answer.found, rng, pairs), *near_limits(answer.undecided, rng, pairs)]:
             seen += 1
-            if floats_say(answer.undecided, values):
-                continue
-            exact = {
-                key: [tuple(Fraction(cell) for cell in row) for row in rows]
-                for key, rows in facts(values).items()
-            }
-            verdict = judge(answer.found, exact, facts(values))
-            if verdict.holds is None or verdict.holds is floats_say(answer.found, values):
+            # a number without a value, or a division that may overflow, is what the property is broken by
+            root = answer.undecided if floats_say(answer.undecided, values) else answer.found
+            verdict = judge(root, facts(list(map(Fraction, values))), facts(values))
+            if verdict.holds is None or verdict.holds is floats_say(root, values):
                 continue
             unlike += 1
             assert margin is None or verdict.amount is None or verdict.amount <= margin, (seed, values)

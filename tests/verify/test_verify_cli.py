@@ -88,6 +88,27 @@ def test_status_is_0_where_all_is_proved(tmp_path: Path, capsys: pytest.CaptureF
     assert "attacked with 200,000 scenes: 200,000 reached the last goal of violates" in printed
 
 
+def test_an_overflow_next_to_0_is_what_the_margin_says_or_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "near.pl"
+    path.write_text(
+        "property(near, 'near'). property(always, 'always'). "
+        "violates(near) :- vehicle(ego, _, _, _, V, _, _, _), V > 0.0, X is 1.0 / V, X < 0.0. "
+        "violates(always) :- vehicle(ego, _, _, _, V, _, _, _), V > 1.0, X is 1.0 / (V * 1.0e-320), X < 0.0."
+    )
+    arguments = ["rules", "verify", "--property", str(path), "--vehicles", "0", "--attack", "4000"]
+    assert run([*arguments, "--jobs", "1", "--json"]) == 1
+    near, always = json.loads(capsys.readouterr().out)["results"]
+    assert (near["status"], near["prover_error"], near["counterexample"]) == ("proved", False, None)
+    assert (near["floats"]["margin"], near["floats"]["divisors"]) == (1e-9, True)
+    assert (always["status"], always["prover_error"]) == ("proved in real arithmetic only", False)
+    assert "may overflow: no margin keeps its divisor far enough from 0; a scene" in always["reason"]
+    assert "float_overflow" in always["counterexample"]["error"]
+    assert run([*arguments, "--jobs", "1", "--only", "near"]) == 0
+    assert "in its unit, of its limit, and no divisor so near to 0; there" in capsys.readouterr().out
+
+
 def test_what_rounding_breaks_is_proved_in_real_arithmetic_only(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

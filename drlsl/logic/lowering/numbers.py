@@ -21,7 +21,7 @@ from drlsl.logic.terms import Atom, Struct, Var
 LARGEST: Final = 1e300
 """No float result may be larger: further operations then stay clear of overflow for a while."""
 
-_SMALLEST_DIVISOR: Final = 1e-30
+SMALLEST_DIVISOR: Final = 1e-30
 """Division by less is left to the interpreter."""
 
 _MOST_MULTIPLICATIONS: Final = 16
@@ -86,7 +86,7 @@ FUNCTIONS: Final[dict[str, Callable[..., float]]] = {
 
 _NEEDS_POSITIVE: Final = frozenset({"log"})
 
-_FOLD: Final[dict[str, Callable[..., Any]]] = {
+OPERATIONS: Final[dict[str, Callable[..., Any]]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
@@ -110,6 +110,7 @@ _FOLD: Final[dict[str, Callable[..., Any]]] = {
     "bitor": lambda a, b: a | b,
     "bitxor": lambda a, b: a ^ b,
 }
+"""The operations on numbers as every tier computes them; what has no value means nothing."""
 
 _INT_DIVISIONS: Final = {"//": "truncdiv", "div": "floordiv", "mod": "mod", "rem": "rem"}
 _BIT_OPERATIONS: Final = {"/\\": "bitand", "\\/": "bitor", "xor": "bitxor"}
@@ -231,8 +232,8 @@ class Arithmetic:
         return self.to_float(left), self.to_float(right)
 
     def _make(self, op: str, kind: Kind, args: tuple[Node, ...], bounds: Interval, data: Any = None) -> Node:
-        if all(arg.is_const for arg in args) and op in _FOLD:
-            value = _FOLD[op](*(arg.data for arg in args))
+        if all(arg.is_const for arg in args) and op in OPERATIONS:
+            value = OPERATIONS[op](*(arg.data for arg in args))
             return self.pool.const(float(value) if kind == "float" else int(value))
         return self.pool.make(op, kind, args, data, bounds)
 
@@ -363,10 +364,10 @@ class Arithmetic:
             raise NoValue
         if right.is_const and right.data == 1.0:
             return left
-        if right.low <= _SMALLEST_DIVISOR and right.high >= -_SMALLEST_DIVISOR and not right.is_const:
-            small = self.pool.make("within", "bool", (right,), _SMALLEST_DIVISOR)
-            self.need(self.pool.not_(small), f"a division by {_SMALLEST_DIVISOR:g} or less")
-            bound = max(abs(left.low), abs(left.high)) / _SMALLEST_DIVISOR
+        if is_checked_divisor(right):
+            small = self.pool.make("within", "bool", (right,), SMALLEST_DIVISOR)
+            self.need(self.pool.not_(small), f"a division by {SMALLEST_DIVISOR:g} or less")
+            bound = max(abs(left.low), abs(left.high)) / SMALLEST_DIVISOR
             low = 0.0 if left.low >= 0 and right.low >= 0 else -bound
             return self._within(self._make("div", "float", (left, right), (low, bound)))
         corners = [a / b for a in (left.low, left.high) for b in (right.low, right.high)]
@@ -449,6 +450,11 @@ class Arithmetic:
             return self.pool.not_(self.pool.less(left, right))
         same = self.pool.equal(left, right)
         return same if name == "=:=" else self.pool.not_(same)
+
+
+def is_checked_divisor(node: Node) -> bool:
+    """Whether a division by a number is only defined where that is not too near to 0."""
+    return node.low <= SMALLEST_DIVISOR and node.high >= -SMALLEST_DIVISOR and not node.is_const
 
 
 def _power_bounds(base: Node, exponent: Node) -> Interval:
