@@ -150,5 +150,39 @@ def train(
         print(f"  Stable-Baselines3 DQN  {other:8.1f}   training is {ratio:.2f} times as fast")
 
 
+@app.command()
+def compare(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="A checkout in which `make check` was run.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The checkout that is compared with it.")],
+    pairs: Annotated[int, typer.Option(min=1, help="Runs of each measurement in each checkout.")] = 9,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PART", help="rules, env, train or query; give it again for more. Default: all."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure two checkouts in turn: how fast NEW is in times of OLD, with the interval of the median.
+
+    Numbers that only one of them has are left out. All parts with nine pairs take about a quarter of an hour.
+    """
+    from drlsl.benchmarks import MEASUREMENTS, compare_checkouts
+    from drlsl.errors import UserError
+
+    parts = only or list(MEASUREMENTS)
+    for part in parts:
+        if part not in MEASUREMENTS:
+            raise UserError(f"--only {part}: expected one of {', '.join(MEASUREMENTS)}")
+    report = {}
+    for found in compare_checkouts(old, new, parts, pairs):
+        low, high = found.interval
+        report[found.name] = {"median": found.median, "interval": [low, high], "ratios": list(found.ratios)}
+        if not as_json:
+            print(f"{found.name:<36} {found.median:6.3f}   {low:.3f} to {high:.3f}", flush=True)
+    if as_json:
+        print(json.dumps(report, indent=2))
+
+
 def _milliseconds(seconds: float | None) -> str:
     return "-" if seconds is None else f"{seconds * 1e3:.1f} ms"
