@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from drlsl.driving import EnvConfig
@@ -24,6 +32,12 @@ OFFERS: Mapping[Method, tuple[str, ...]] = {
     "dqnsl": ("rules",),
 }
 """What a method may have as env.offers."""
+
+BUILT_IN = ("mlp", "dueling")
+"""Networks that need no function of the user's."""
+
+OWN_FACTORY = re.compile(r"(?:.*\.py|[^\W\d]\w*(?:\.[^\W\d]\w*)*):[^\W\d]\w*")
+"""How a function of the user's is named: by its file, or by its module."""
 
 Position = tuple[int, int]
 """Line and column of a value in its file, both from 1."""
@@ -48,17 +62,49 @@ class NetworkConfig(_Section):
     Source: paper, Network and Hyperparameters.
     """
 
+    factory: str = Field(
+        default="mlp",
+        description="What makes the network: mlp (fully connected layers, as in the paper), dueling, or a "
+        "function of your own as FILE.py:FUNCTION or PACKAGE.MODULE:FUNCTION.",
+    )
+    arguments: dict[str, JsonValue] = Field(
+        default_factory=dict, description="Keyword arguments for a function of your own."
+    )
+    window: int = Field(
+        default=1,
+        ge=1,
+        le=64,
+        description="Observations that the network sees: the latest and those before it.",
+    )
     hidden: tuple[Width, ...] = Field(
         default=(256, 256),
         min_length=1,
         max_length=8,
-        description="Width of each hidden layer; a ReLU follows each.",
+        description="Width of each hidden layer of mlp and dueling; a ReLU follows each.",
     )
     noisy: bool = Field(
         default=False,
         description="Explore by noise in the weights, whose size is learnt, instead of random actions; ε is "
         "then 0.",
     )
+
+    @property
+    def built_in(self) -> bool:
+        """Whether the network is one of DRLSL's own."""
+        return self.factory in BUILT_IN
+
+    @field_validator("factory")
+    @classmethod
+    def _factory_has_a_name(cls, name: str) -> str:
+        if name not in BUILT_IN and not OWN_FACTORY.fullmatch(name):
+            raise ValueError(f"expected {', '.join(BUILT_IN)}, FILE.py:FUNCTION or PACKAGE.MODULE:FUNCTION")
+        return name
+
+    @model_validator(mode="after")
+    def _arguments_have_a_function(self) -> Self:
+        if self.built_in and self.arguments:
+            raise ValueError(f"arguments are for a function of your own, and the factory is {self.factory}")
+        return self
 
 
 class LearningConfig(_Section):

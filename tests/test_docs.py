@@ -48,6 +48,26 @@ def test_the_python_of_the_readme_runs() -> None:
         subprocess.run([sys.executable, "-c", block], cwd=ROOT, check=True)
 
 
+def test_the_networks_of_the_documentation_are_trained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from drlsl.cli import run
+
+    text = (ROOT / "docs" / "training.md").read_text(encoding="utf-8")
+    networks, script = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)
+    monkeypatch.chdir(tmp_path)
+    Path("networks.py").write_text(networks, encoding="utf-8")
+    Path("train.py").write_text(script, encoding="utf-8")
+    subprocess.run([sys.executable, "train.py"], check=True)
+    assert run(["eval", "runs/wide", "--episodes", "1"]) == 0
+    commands = re.findall(r"^ {4}drlsl (train --network networks\.py:.*)$", text, re.M)
+    assert len(commands) == 2
+    for number, command in enumerate(commands):
+        arguments = command.split()
+        arguments[-1] = f"run{number}"
+        assert run([*arguments, "--preset", "tiny", "--episodes", "1"]) == 0
+
+
 @pytest.mark.parametrize("program", sorted((ROOT / "rules").glob("*.pl")), ids=lambda path: path.name)
 def test_every_predicate_of_the_rules_has_a_header(program: Path) -> None:
     text = program.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""How fast training goes, beside its bare updates and Stable-Baselines3's DQN."""
+"""How fast training goes, beside its bare updates, those of a plain module, and Stable-Baselines3's DQN."""
 
 import importlib
 import importlib.util
@@ -24,6 +24,9 @@ UPDATES: Final = 128
 TURNS: Final = 4
 """Turns of each kind in a run: the machine may be busier now than a moment ago."""
 
+PLAIN: Final = "drlsl.learning.architectures:mlp"
+"""The paper's network as a plain module."""
+
 Turn = Callable[[], int]
 """Makes about `UPDATES` updates and gives how many."""
 
@@ -33,15 +36,22 @@ def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
 
     `updates_per_s`: a training with dqnsl, all included, one update per step. `bare_updates_per_s`: the same
     update on a minibatch that lies ready, without environment, replay memory and acting. `ratio`: of the
-    former to the latter. `stable_baselines3_updates_per_s`: its DQN, where installed, with the same network,
-    batch, optimiser and number of updates per step, in as many environments, whose shield answers for it.
+    former to the latter. `module_updates_per_s`: bare updates of the same network as a plain module, by
+    autograd; `module_ratio`: how many times as long one takes. `stable_baselines3_updates_per_s`: its DQN,
+    where installed, with the same network, batch, optimiser and number of updates per step, in as many
+    environments, whose shield answers for it.
     """
     config = make_config(
         merged(preset_values("paper"), {"num_envs": num_envs, "device": "cpu", "episodes": 10_000_000}),
         "benchmark",
     )
     env = make_training_env(config)
-    kinds = {"bare_updates_per_s": _bare(env, config), "updates_per_s": _training(env, config)}
+    module = make_config(merged(config.model_dump(), {"network": {"factory": PLAIN}}), "benchmark")
+    kinds = {
+        "bare_updates_per_s": _bare(env, config),
+        "module_updates_per_s": _bare(env, module),
+        "updates_per_s": _training(env, config),
+    }
     if importlib.util.find_spec("stable_baselines3"):
         kinds["stable_baselines3_updates_per_s"] = _stable_baselines3(config)
     _run(kinds)  # Warms up.
@@ -49,6 +59,9 @@ def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
     speeds: dict[str, Any] = {"num_envs": num_envs, "batch_size": config.learning.batch_size, "runs": runs}
     speeds |= {name: statistics.median(run[name] for run in found) for name in kinds}
     speeds["ratio"] = statistics.median(run["updates_per_s"] / run["bare_updates_per_s"] for run in found)
+    speeds["module_ratio"] = statistics.median(
+        run["bare_updates_per_s"] / run["module_updates_per_s"] for run in found
+    )
     if "stable_baselines3_updates_per_s" in kinds:
         speeds["stable_baselines3_ratio"] = statistics.median(
             run["updates_per_s"] / run["stable_baselines3_updates_per_s"] for run in found

@@ -134,7 +134,8 @@ def train(
     """Measure training in updates a second, beside its bare updates and Stable-Baselines3 where it is there.
 
     There is one update per step. A training is measured with all that belongs to it: environments, rules,
-    acting, replay memory. The bare update has its minibatch ready.
+    acting, replay memory. The bare update has its minibatch ready; it is also made with the same network
+    as a plain PyTorch module.
     """
     from drlsl.benchmarks import training_speeds
 
@@ -144,6 +145,8 @@ def train(
         return
     print(f"updates a second, batch {speeds['batch_size']}, one CPU thread, {num_envs} environments in step")
     print(f"  bare updates           {speeds['bare_updates_per_s']:8.1f}")
+    print(f"  as a plain module      {speeds['module_updates_per_s']:8.1f}", end="")
+    print(f"   takes {speeds['module_ratio']:.2f} times as long")
     print(f"  training, dqnsl        {speeds['updates_per_s']:8.1f}   {speeds['ratio']:.3f} of bare")
     if "stable_baselines3_updates_per_s" in speeds:
         other, ratio = speeds["stable_baselines3_updates_per_s"], speeds["stable_baselines3_ratio"]

@@ -54,6 +54,12 @@ def train(
         Literal["dqn", "mpsdqn", "dqnsl"] | None,
         typer.Option(help="dqn: all actions; dqnsl: those the rules find safe; mpsdqn: a linear prediction."),
     ] = None,
+    network: Annotated[
+        str | None,
+        typer.Option(
+            help="mlp, dueling, or a function of yours: FILE.py:FUNCTION or PACKAGE.MODULE:FUNCTION."
+        ),
+    ] = None,
     bootstrap: Annotated[
         Literal["all", "safe"] | None, typer.Option(help="Actions that the target's maximum runs over.")
     ] = None,
@@ -93,6 +99,7 @@ def train(
         "env.rules": [str(path) for path in rules] if rules else None,
         "env.track_length": track_length,
         "method": method,
+        "network.factory": network,
         "learning.bootstrap": bootstrap,
         "episodes": episodes,
         "seed": seed,

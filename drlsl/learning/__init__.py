@@ -1,1 +1,5 @@
-"""Deep Q-learning with a shield. Import the modules below; this package itself loads nothing."""
+"""Deep Q-learning with a shield."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

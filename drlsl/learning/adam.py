@@ -1,15 +1,37 @@
-"""Adam on one vector of parameters."""
+"""Adam on one vector of parameters, and on those of any module."""
 
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, Protocol
 
 import torch
+from torch import nn
 from torch.optim.adam import adam
+
+from drlsl.learning.divergence import DivergedError
 
 BETA_1: Final = 0.9
 BETA_2: Final = 0.999
 EPSILON: Final = 1e-8
 """PyTorch's defaults, and so the paper's as far as it tells."""
+
+
+class Optimiser(Protocol):
+    """What changes the parameters of a network."""
+
+    learning_rate: float
+
+    def step(self) -> None:
+        """Take one step down the gradient.
+
+        Raises:
+            DivergedError: the gradient is not finite; the parameters are left as they were.
+        """
+
+    def get_state(self) -> dict[str, Any]:
+        """Return all that the next step depends on, in plain types and tensors."""
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave."""
 
 
 class Adam:
@@ -64,3 +86,51 @@ class Adam:
             (self._steps, state["steps"]),
         ):
             mine.copy_(stored)
+
+
+class ModuleAdam:
+    """PyTorch's fused Adam on the parameters of a module, where they have a gradient."""
+
+    def __init__(self, parameters: Iterable[nn.Parameter]) -> None:
+        learning = [parameter for parameter in parameters if parameter.requires_grad]
+        self._adam = torch.optim.Adam(learning, betas=(BETA_1, BETA_2), eps=EPSILON, fused=True)
+
+    @property
+    def learning_rate(self) -> float:
+        """The rate of the next step."""
+        rate: float = self._adam.param_groups[0]["lr"]
+        return rate
+
+    @learning_rate.setter
+    def learning_rate(self, rate: float) -> None:
+        self._adam.param_groups[0]["lr"] = rate
+
+    def step(self) -> None:
+        """Take one step down the gradient.
+
+        Raises:
+            DivergedError: the gradient is not finite; the parameters are left as they were.
+        """
+        parameters: list[nn.Parameter] = self._adam.param_groups[0]["params"]
+        gradients = [parameter.grad for parameter in parameters if parameter.grad is not None]
+        # The sum of all is NaN or infinite where one of them is.
+        if not torch.stack([gradient.sum() for gradient in gradients]).sum().isfinite():
+            raise DivergedError("the gradient is not finite")
+        # Its running means are made in the first step, and must be none of inference mode.
+        with torch.inference_mode(False):
+            self._adam.step()
+
+    def get_state(self) -> dict[str, Any]:
+        """Return PyTorch's own state of it, copied."""
+        state = self._adam.state_dict()
+        copied = {
+            index: {key: value.cpu().clone() for key, value in one.items()}
+            for index, one in state["state"].items()
+        }
+        return {"state": copied, "learning_rate": self.learning_rate}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave."""
+        groups = self._adam.state_dict()["param_groups"]
+        self._adam.load_state_dict({"state": state["state"], "param_groups": groups})
+        self.learning_rate = state["learning_rate"]

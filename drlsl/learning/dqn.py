@@ -9,16 +9,9 @@ import torch
 from numpy.typing import NDArray
 
 from drlsl.config import Bootstrap, LearningConfig, NetworkConfig
-from drlsl.errors import UserError
-from drlsl.learning.adam import Adam
-from drlsl.learning.network import Policy, make_network
+from drlsl.learning.divergence import DivergedError
+from drlsl.learning.network import Policy, make_networks
 from drlsl.learning.replay import Batch
-
-_REMEDY = "train again with a lower schedule.learning_rate_start"
-
-
-class DivergedError(UserError):
-    """Learning produced a value that is not finite."""
 
 
 class Choice(NamedTuple):
@@ -38,7 +31,7 @@ def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Ch
     if not offered.any(axis=1).all():
         raise ValueError("no action is offered")
     if not np.isfinite(values).all():
-        raise DivergedError(f"the Q-values are {values.tolist()}: {_REMEDY}")
+        raise DivergedError(f"the Q-values are {values.tolist()}")
     return Choice(np.where(offered, values, -np.inf).argmax(axis=1), values.argmax(axis=1))
 
 
@@ -98,11 +91,9 @@ class DqnAgent:
         self._learning = learning
         self._rng = rng
         self._generator = generator
-        self.network = make_network(network, observation_size, action_count, generator, device)
-        self._target = make_network(network, observation_size, action_count, generator, device)
-        self._target.parameters.copy_(self.network.parameters)
-        self._optimiser = Adam(self.network.parameters, self.network.gradient)
-        self.policy = Policy(self.network, device)
+        self.network, self._target = make_networks(network, observation_size, action_count, generator, device)
+        self._optimiser = self.network.optimiser()
+        self.policy = Policy(self.network, device, network.window)
         self.updates = 0
 
     @property
@@ -134,22 +125,22 @@ class DqnAgent:
         """Take one step of Adam on a minibatch and give its loss.
 
         Raises:
-            DivergedError: the loss is not finite; the weights are left as they were.
+            DivergedError: the loss or its gradient is not finite; the weights are left as they were.
         """
         self._target.draw_noise()
         self.network.draw_noise()
-        next_values = self._target.forward(batch.next_observations)[-1]
+        next_values = self._target.values(batch.next_observations)
         targets = td_targets(next_values, batch, self._learning.discount, self._learning.bootstrap)
         outputs = self.network.forward(batch.observations)
-        loss = td_loss(outputs[-1], batch.actions, targets)
+        loss = td_loss(outputs[-1].detach(), batch.actions, targets)
         value = loss.value.item()
         if not math.isfinite(value):
-            raise DivergedError(f"the loss is {value} at update {self.updates + 1}: {_REMEDY}")
+            raise DivergedError(f"the loss is {value} at update {self.updates + 1}")
         self.network.backward(batch.observations, outputs, loss.slopes)
         self._optimiser.step()
         self.updates += 1
         if self.updates % self._learning.target_every == 0:
-            self._target.parameters.copy_(self.network.parameters)
+            self._target.copy_from(self.network)
         return value
 
     def get_state(self) -> dict[str, Any]:
@@ -164,7 +155,11 @@ class DqnAgent:
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Take over what `get_state` gave."""
+        """Take over what `get_state` gave.
+
+        Raises:
+            ValueError: the state belongs to another network.
+        """
         self.network.set_state(state["network"])
         self._target.set_state(state["target"])
         self._optimiser.set_state(state["optimiser"])

@@ -43,7 +43,7 @@ def drive(
         ValueError: the environment gave an observation that is not finite, or offered no action.
     """
     offer = rule_safe_actions if shield == "on" else all_actions
-    fleet = Fleet(env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM)
+    fleet = Fleet(env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM, window=policy.window)
     everyone = np.arange(env.num_envs)
     ahead: dict[int, EpisodeSummary] = {}
     following = 1

@@ -77,13 +77,20 @@ class _Learnt(NamedTuple):
 class Fleet:
     """N environments, each in an episode of its own, until a number of episodes is driven.
 
-    Episodes are numbered as they begin, and each is a function of the run's seed, the `stream` that it
+    An agent may see a window of observations, the latest last; an episode's first one stands for those before
+    it. Episodes are numbered as they begin, and each is a function of the run's seed, the `stream` that it
     belongs to, its number and the actions taken. When no episode is left to begin, an environment drives on
     for nothing until the others are done.
     """
 
     def __init__(
-        self, env: VectorHighway, *, episodes: int, seed: int, stream: int = TRAINING_STREAM
+        self,
+        env: VectorHighway,
+        *,
+        episodes: int,
+        seed: int,
+        stream: int = TRAINING_STREAM,
+        window: int = 1,
     ) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
             raise TypeError(f"expected an environment without autoreset, got {env.metadata}")
@@ -92,8 +99,9 @@ class Fleet:
         self._episodes = episodes
         self._seed = seed
         self._stream = stream
-        self.observations = np.zeros((env.num_envs, size), np.float32)
-        """What each environment shows now. Shape: (N, S)."""
+        self._window = window
+        self.observations = np.zeros((env.num_envs, window * size), np.float32)
+        """What each environment has shown up to now. Shape: (N, window · S)."""
         self.safe = np.zeros((env.num_envs, count), np.bool_)
         """What the rules derive to be safe now. Shape: (N, A)."""
         self._counted = np.zeros(env.num_envs, np.bool_)
@@ -120,7 +128,8 @@ class Fleet:
             self._tally.clear(index)
             self._learnt_before[index] = self._learnt
         observations, info = self._env.reset(seed=seeds, options={"reset_mask": self._over})
-        self.observations = np.where(self._over[:, None], observations, self.observations)
+        first = np.tile(observations, self._window)
+        self.observations = np.where(self._over[:, None], first, self.observations)
         self.safe = np.where(self._over[:, None], info["action_mask"].astype(np.bool_), self.safe)
         self._over = np.zeros_like(self._over)
 
@@ -134,7 +143,10 @@ class Fleet:
 
     def step(self, actions: Actions) -> Outcome:
         """Drive every environment one step. Shape: (N,)."""
-        self.observations, rewards, terminated, truncated, info = self._env.step(actions)
+        shown, rewards, terminated, truncated, info = self._env.step(actions)
+        if self._window > 1:
+            shown = np.concatenate([self.observations[:, shown.shape[1] :], shown], axis=1)
+        self.observations = shown
         self.safe = info["action_mask"].astype(np.bool_)
         self._over = terminated | truncated
         return Outcome(rewards, terminated, self._over, info)

@@ -1,17 +1,58 @@
-"""The Q-network: observation in, one value per action out."""
+"""The Q-network: observations in, one value per action out.
+
+Any module learns by autograd (module_network.py). The paper's network has its gradient written out here, for
+that is a fifth faster: docs/training.md, Speed.
+"""
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from drlsl.config import NetworkConfig
+from drlsl.errors import UserError
+from drlsl.learning import architectures
+from drlsl.learning.adam import Adam, Optimiser
+from drlsl.learning.architectures import SPREAD
+from drlsl.learning.module_network import ModuleNetwork, RandomStream, checked_module
+from drlsl.learning.network_factory import call_factory
 
-SPREAD: Final = 0.5
-"""A weight's spread to begin with, times the root of its layer's inputs. Source: Fortunato et al., 2018."""
+
+class Network(Protocol):
+    """What an agent asks of a network."""
+
+    def optimiser(self) -> Optimiser:
+        """Make the optimiser of this network."""
+
+    def draw_noise(self) -> None:
+        """Draw the noise of the weights anew, if there is any."""
+
+    def values(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return Q-values. Shape: (B, S) to (B, A)."""
+
+    def forward(self, observations: torch.Tensor) -> Sequence[torch.Tensor]:
+        """Return what `backward` needs, the Q-values last."""
+
+    def backward(
+        self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
+    ) -> None:
+        """Find a loss's gradient from its derivative in each Q-value, for the optimiser's next step."""
+
+    def copy_from(self, other: Any) -> None:
+        """Take over the values of another network of its kind."""
+
+    def get_state(self) -> dict[str, Any]:
+        """Return all that its answers depend on, in plain types and tensors."""
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave.
+
+        Raises:
+            ValueError: the state belongs to another network.
+        """
 
 
 class Layer(NamedTuple):
@@ -51,8 +92,20 @@ class QNetwork:
         for layer in self.layers:
             _draw(layer, generator)
 
+    def optimiser(self) -> Adam:
+        """Make the optimiser of this network."""
+        return Adam(self.parameters, self.gradient)
+
     def draw_noise(self) -> None:
         """Take other weights for what follows; here there is no noise in them."""
+
+    def copy_from(self, other: "QNetwork") -> None:
+        """Take over the parameters of a network of the same shape."""
+        self.parameters.copy_(other.parameters)
+
+    def values(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return Q-values. Shape: (B, S) to (B, A)."""
+        return self.forward(observations)[-1]
 
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
         """What each layer gives, hidden layers after their ReLU; the Q-values are last.
@@ -74,8 +127,8 @@ class QNetwork:
     ) -> None:
         """Write a loss's gradient in the parameters into `gradient`.
 
-        Autograd gives the same gradient (tests/learning/test_network.py), at 1.6 times the cost of a whole
-        update: docs/training.md, Speed.
+        Autograd gives the same gradient (tests/learning/test_network.py), but an update takes longer with it:
+        docs/training.md, Speed.
 
         Args:
             observations: what `forward` was given.
@@ -176,16 +229,51 @@ class NoisyQNetwork(QNetwork):
         torch.addcmul(self._mean, self._spread, self._noise, out=self._weights)
 
 
-def make_network(
+def make_networks(
     config: NetworkConfig,
     observation_size: int,
     action_count: int,
     generator: torch.Generator,
     device: torch.device,
-) -> QNetwork:
-    """The network of a configuration, untrained."""
-    kind = NoisyQNetwork if config.noisy else QNetwork
-    return kind(observation_size, config.hidden, action_count, generator, device)
+) -> tuple[Network, Network]:
+    """Make the network of a configuration, untrained, and a target network of equal values.
+
+    Raises:
+        UserError: the configuration's own factory cannot be found or called, or makes no Q-network.
+    """
+    if config.factory == "mlp":
+        kind = NoisyQNetwork if config.noisy else QNetwork
+        size = config.window * observation_size
+        network, target = (kind(size, config.hidden, action_count, generator, device) for _ in range(2))
+        target.copy_from(network)
+        return network, target
+    module = _module_network(config, observation_size, action_count, generator, device)
+    return module, module.twin()
+
+
+def _module_network(
+    config: NetworkConfig,
+    observation_size: int,
+    action_count: int,
+    generator: torch.Generator,
+    device: torch.device,
+) -> ModuleNetwork:
+    """The network of a configuration as a module that learns by autograd."""
+    name = f"network.factory {config.factory}"
+    shape = (observation_size,) if config.window == 1 else (config.window, observation_size)
+    stream = RandomStream(int(torch.randint(2**62, (), generator=generator)), device)
+    with stream.in_place():
+        made: object
+        if config.built_in:
+            shape = (config.window * observation_size,)
+            made = architectures.dueling(shape[0], action_count, config.hidden, noisy=config.noisy)
+        else:
+            made = call_factory(config, observation_size, action_count)
+        module = checked_module(made, name, shape, action_count)
+    network = ModuleNetwork(module.to(device), name, shape, stream)
+    if config.noisy and not network.noisy:
+        raise UserError(f"{name}: network.noisy is set, but the module has no method reset_noise()")
+    return network
 
 
 def _state(layers: Iterable[Layer], prefix: str = "") -> dict[str, torch.Tensor]:
@@ -202,11 +290,11 @@ def _take(layers: Iterable[Layer], state: Mapping[str, torch.Tensor], prefix: st
         layer.bias.copy_(state[f"{prefix}layers.{index}.bias"])
 
 
-def _check(mine: Mapping[str, torch.Tensor], theirs: Mapping[str, torch.Tensor]) -> None:
-    expected = {name: value.shape for name, value in mine.items()}
-    found = {name: value.shape for name, value in theirs.items()}
+def _check(mine: Mapping[str, torch.Tensor], theirs: Mapping[str, Any]) -> None:
+    expected = {name: tuple(value.shape) for name, value in mine.items()}
+    found = {name: tuple(getattr(value, "shape", ())) for name, value in theirs.items()}
     if expected != found:
-        raise ValueError(f"parameters of shapes {found}, expected {expected}")
+        raise ValueError(f"the weights do not fit the network: found {found}, expected {expected}")
 
 
 def _layers(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:
@@ -231,19 +319,21 @@ def _draw(layer: Layer, generator: torch.Generator) -> None:
 class Policy:
     """Q-values of observations; it follows the network as that is trained."""
 
-    def __init__(self, network: QNetwork, device: torch.device) -> None:
+    def __init__(self, network: Network, device: torch.device, window: int = 1) -> None:
         self._network = network
         self._device = device
+        self.window = window
+        """Observations of one row: the latest and those before it, the latest last."""
 
     @torch.inference_mode()
     def values(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Q-values of N observations. Shape: (N, S) to (N, A).
+        """Q-values of N observations, or windows of them. Shape: (N, window · S) to (N, A).
 
         Raises:
             ValueError: an observation is not finite.
         """
         if not np.isfinite(observations).all():
             raise ValueError(f"an observation is not finite: {observations}")
-        values = self._network.forward(torch.from_numpy(observations).to(self._device))[-1]
+        values = self._network.values(torch.from_numpy(observations).to(self._device))
         result: NDArray[np.float32] = values.cpu().numpy()
         return result

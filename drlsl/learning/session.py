@@ -1,19 +1,20 @@
 """A training run from its folder: started, gone on with, and finished."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
-from drlsl.config import TrainConfig, make_config
+from drlsl.config import NetworkConfig, TrainConfig, make_config, merged, preset_values
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.figures import write_training_figures
 from drlsl.learning.fleet import VectorHighway
 from drlsl.learning.lock import FolderLock
 from drlsl.learning.network import Policy
+from drlsl.learning.network_factory import Factory, factory_name, refuse_while_loading
 from drlsl.learning.rundir import RunFolder
 from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
 
@@ -67,7 +68,10 @@ class Session:
                 f"{folder.root}: config.yaml was changed after the checkpoint; undo that, or use --force"
             )
         trainer = Trainer(make_training_env(folder.config), folder.config)
-        trainer.set_state(state["trainer"])
+        try:
+            trainer.set_state(state["trainer"])
+        except ValueError as error:
+            raise UserError(f"{folder.checkpoint}: {error}") from error
         folder.keep_metrics(trainer.done(), state.get("metrics"))
         session = cls(folder, trainer, lock)
         # A run that was killed between the two has the weights of the checkpoint before.
@@ -114,7 +118,11 @@ class Session:
 
     def _save_policy(self) -> None:
         trainer = self.trainer
-        state = {"episodes": trainer.finished, "network": trainer.agent.network.get_state()}
+        state = {
+            "episodes": trainer.finished,
+            "network": trainer.agent.network.get_state(),
+            "made_by": self.folder.config.network.model_dump(mode="json"),
+        }
         save_state(self.folder.policy, "policy", state)
 
     def draw_figures(self) -> list[Path]:
@@ -126,15 +134,21 @@ def load_policy(folder: RunFolder, env: VectorHighway) -> Policy:
     """The policy of a run as its last checkpoint left it, for an environment with the same spaces.
 
     Raises:
-        UserError: the weights are missing, damaged, or of another network than config.yaml describes.
+        UserError: the weights are missing, damaged, or of another network than config.yaml describes, or that
+            network cannot be made here.
     """
     state = load_state(folder.policy, "policy")
-    agent, _ = make_learner(env.single_observation_space, env.single_action_space, folder.config)
+    config = folder.config
+    # Not in a policy of before there were others than fully connected ones.
+    made_by = state.get("made_by")
+    if made_by is not None and NetworkConfig.model_validate(made_by) != config.network:
+        raise UserError(f"{folder.policy}: the weights do not fit the network of config.yaml")
+    agent, _ = make_learner(env.single_observation_space, env.single_action_space, config)
     try:
         agent.network.set_state(state["network"])
     except ValueError as error:
-        raise UserError(f"{folder.policy}: the weights do not fit the network of config.yaml") from error
-    return Policy(agent.network, resolve_device(folder.config.device))
+        raise UserError(f"{folder.policy}: {error}") from error
+    return Policy(agent.network, resolve_device(config.device), config.network.window)
 
 
 def make_training_env(config: TrainConfig) -> VectorHighway:
@@ -148,3 +162,44 @@ def make_training_env(config: TrainConfig) -> VectorHighway:
 
 def _checkpoint_is_due(config: TrainConfig, finished: int) -> bool:
     return finished % config.checkpoint_every == 0 or finished == config.episodes
+
+
+def train(
+    out: str | Path,
+    *,
+    network: str | Factory | Mapping[str, Any] | None = None,
+    preset: str = "quick",
+    force: bool = False,
+    **settings: Any,
+) -> RunFolder:
+    """Train from the first episode to the last, as `drlsl train` does, and return the run's folder.
+
+    Args:
+        out: where the run folder is made.
+        network: mlp, dueling, or a function or class at the top level of a file that makes a torch.nn.Module
+            of the numbers of observed values and of actions; or the settings of a network, with such a
+            `factory` among them.
+        preset: what the settings start from.
+        force: whether an earlier run in `out` is replaced.
+        settings: any others, such as `episodes=100, env={"recording": "freeway"}`.
+
+    Raises:
+        UserError: a setting, the network or the environment cannot be used, or the folder is occupied.
+    """
+    refuse_while_loading()
+    values = merged(merged(preset_values(preset), settings), {"network": _plain_settings(network)})
+    with Session.start(Path(out), make_config(values, "train()"), force=force) as session:
+        for _ in session.run():
+            pass
+        session.draw_figures()
+        return session.folder
+
+
+def _plain_settings(network: str | Factory | Mapping[str, Any] | None) -> dict[str, Any]:
+    """The settings of a network as a file has them: a function by its name."""
+    if isinstance(network, Mapping):
+        factory = network.get("factory")
+        return {**network, **(_plain_settings(factory) if factory is not None else {})}
+    if network is None:
+        return {}
+    return {"factory": network if isinstance(network, str) else factory_name(network)}

@@ -55,7 +55,7 @@ class Trainer:
         self._offered = ACTION_FILTERS[config.method]
         self._learning_rate = learning_rate_schedule(config)
         self._epsilon = epsilon_schedule(config)
-        self._fleet = Fleet(env, episodes=config.episodes, seed=config.seed)
+        self._fleet = Fleet(env, episodes=config.episodes, seed=config.seed, window=config.network.window)
         self.agent, self._replay = make_learner(env.single_observation_space, env.single_action_space, config)
         self.total_steps = 0
 
@@ -72,7 +72,8 @@ class Trainer:
         """Train until the configured number of episodes is done; between two events the state is whole.
 
         Raises:
-            DivergedError: a Q-value or a loss is not finite.
+            DivergedError: a Q-value, a loss or a gradient is not finite.
+            UserError: the module of the user's own raises an error.
             ValueError: the environment gave an observation that is not finite, or offered no action.
         """
         while self.finished < self._config.episodes:
@@ -137,6 +138,7 @@ class Trainer:
 
         Raises:
             UserError: the rules or the recording are not what they were.
+            ValueError: the state belongs to another network.
         """
         self.total_steps = state["total_steps"]
         self._fleet.set_state(state["fleet"])
@@ -153,7 +155,7 @@ def make_learner(
 
     Raises:
         TypeError: the spaces are not a vector of observed values and discrete actions.
-        UserError: the configured device is not there.
+        UserError: the configured device is not there, or the configured network cannot be made.
     """
     size, count = space_sizes(observations, actions)
     torch.set_num_threads(config.threads)
@@ -170,7 +172,7 @@ def make_learner(
     )
     replay = Replay(
         config.learning.replay_capacity,
-        size,
+        config.network.window * size,
         count,
         np.random.default_rng(minibatches),
         batch_size=config.learning.batch_size,

@@ -7,10 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from drlsl.config import NetworkConfig
 from drlsl.driving import EnvConfig
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.learning.evaluation import ShieldState, as_record, drive, make_evaluation_env
+from drlsl.learning.network_factory import factory_file
 from drlsl.learning.rundir import CHECKPOINT
 from drlsl.learning.session import Session, load_policy
 from drlsl.study.folder import StudyFolder, digest
@@ -46,14 +48,16 @@ def perform(root: Path, task: Task, stop: Stop) -> None:
 
 
 def inputs_of(study: StudyConfig) -> dict[str, Any]:
-    """What the results depend on beside the settings: digests of all rule programs and recordings.
+    """What the results depend on beside the settings: digests of all networks, rule programs and recordings.
 
     Raises:
-        UserError: a rule file or a recording cannot be read.
+        UserError: a network of the user's own is not found, or a rule file or a recording cannot be read.
     """
     digests: dict[str, str] = {}
     for method in {run.method: run for run in study.runs}.values():
-        env = study.training(method).env
+        config = study.training(method)
+        env = config.env
+        digests |= _network_digests(config.network)
         digests |= _rule_digests(env)
         digests |= _recording_digests(env.recordings)
     for test in study.tests:
@@ -108,6 +112,13 @@ def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -
             if stop():
                 return
         yield as_record(summaries, env=config.model_dump(mode="json"), shield=shield, seed=run.seed)
+
+
+def _network_digests(config: NetworkConfig) -> dict[str, str]:
+    """That of the file which defines a network of the user's own."""
+    if config.built_in:
+        return {}
+    return {f"network {config.factory}": digest([factory_file(config.factory)])}
 
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:

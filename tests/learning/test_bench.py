@@ -9,6 +9,7 @@ from drlsl.cli import run
 pytestmark = pytest.mark.usefixtures("fake_driving")
 
 KEYS = {"num_envs", "batch_size", "runs", "updates_per_s", "bare_updates_per_s", "ratio"}
+KEYS |= {"module_updates_per_s", "module_ratio"}
 THEIRS = {"stable_baselines3_updates_per_s", "stable_baselines3_ratio"}
 
 
@@ -36,6 +37,7 @@ def test_it_prints_a_few_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     out = capsys.readouterr().out
     assert "bare updates" in out
     assert "of bare" in out
+    assert "as a plain module" in out
     assert "Stable" not in out
 
 

@@ -13,6 +13,8 @@ from .fake import fakes
 class Fixed:
     """A policy whose values are always the same."""
 
+    window = 1
+
     def __init__(self, *values: float) -> None:
         self._values = np.array(values, np.float32)
 

@@ -1,0 +1,3 @@
+from .session import train
+
+__all__ = ["train"]

@@ -1,0 +1,231 @@
+"""A Q-network that is any PyTorch module, learning by autograd."""
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Final, Self
+
+import torch
+from torch import nn
+
+from drlsl.errors import UserError
+from drlsl.learning.adam import ModuleAdam
+from drlsl.learning.network_factory import users_code
+
+ROWS: Final = (1, 3)
+"""Observations that a module is tried with before it is trained."""
+
+NEAR: Final = {"rtol": 1e-3, "atol": 1e-4}
+"""How near the values of a module that is built again must be to those that it had when it was saved."""
+
+
+class RandomStream:
+    """A stream of its own of PyTorch's global random numbers, in place while a module is at work."""
+
+    def __init__(self, seed: int, device: torch.device) -> None:
+        self._devices = [torch.cuda.current_device()] if device.type == "cuda" else []
+        with torch.random.fork_rng(self._devices):
+            torch.manual_seed(seed)
+            self._keep()
+
+    @contextmanager
+    def in_place(self) -> Iterator[None]:
+        """Draw from here what is drawn from PyTorch's global generators meanwhile."""
+        with torch.random.fork_rng(self._devices):
+            self._put()
+            try:
+                yield
+            finally:
+                self._keep()
+
+    def _keep(self) -> None:
+        self._states = [torch.get_rng_state(), *(torch.cuda.get_rng_state(one) for one in self._devices)]
+
+    def _put(self) -> None:
+        torch.set_rng_state(self._states[0])
+        for device, state in zip(self._devices, self._states[1:], strict=True):
+            torch.cuda.set_rng_state(state, device)
+
+    def get_state(self) -> list[torch.Tensor]:
+        """Return where the stream is."""
+        return [state.clone() for state in self._states]
+
+    def set_state(self, states: Sequence[torch.Tensor]) -> None:
+        """Take over what `get_state` gave; a stream that was on another device begins there where it is."""
+        self._states = [*states[: len(self._states)], *self._states[len(states) :]]
+
+
+class ModuleNetwork:
+    """A module that learns by autograd, and the stream of random numbers that it draws from.
+
+    It is in training mode for an update and in evaluation mode when it acts, unless it explores by noise of
+    its own: a module with a method `reset_noise`, or parts with one, has that called before every step and
+    every update, and acts in training mode too.
+    """
+
+    def __init__(self, module: nn.Module, name: str, shape: Sequence[int], stream: RandomStream) -> None:
+        """A module whose observations have a shape, (S,) or (window, S); `name` is for messages."""
+        self.module = module
+        self._name = name
+        self._shape = tuple(shape)
+        self._stream = stream
+        self._noise = _parts_with_noise(module)
+        self._drawn = False
+
+    @property
+    def noisy(self) -> bool:
+        """Whether it explores by noise of its own."""
+        return bool(self._noise)
+
+    def twin(self) -> Self:
+        """Return a network like it, with a module of its own and the same stream.
+
+        Raises:
+            UserError: the module cannot be copied.
+        """
+        return type(self)(_copied(self.module, self._name), self._name, self._shape, self._stream)
+
+    def copy_from(self, other: Self) -> None:
+        """Take over the values of another network of its kind."""
+        self.module.load_state_dict(other.module.state_dict())
+
+    def optimiser(self) -> ModuleAdam:
+        """Make the optimiser of this network."""
+        return ModuleAdam(self.module.parameters())
+
+    def draw_noise(self) -> None:
+        """Draw the noise of the parts that have any."""
+        if self._noise:
+            with torch.inference_mode(False), torch.no_grad(), self._stream.in_place():
+                for part in self._noise:
+                    with users_code(f"{self._name}: its reset_noise() fails"):
+                        part.reset_noise()
+            self._drawn = True
+
+    def values(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return Q-values, to act by or to learn from. Shape: (B, S) to (B, A)."""
+        self._set_mode(training=self._drawn)
+        return self._run(observations, learning=False)
+
+    def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
+        """Return the Q-values, with what `backward` needs behind them. Shape: (B, S) to (B, A)."""
+        self._set_mode(training=True)
+        return [self._run(observations, learning=True)]
+
+    def backward(
+        self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
+    ) -> None:
+        """Write a loss's gradient, whose derivative in each Q-value is `slopes`, into the parameters' own."""
+        for parameter in self.module.parameters():
+            parameter.grad = None
+        with torch.inference_mode(False), users_code(f"{self._name}: its backward pass fails"):
+            torch.autograd.backward(outputs[-1], slopes.clone())
+
+    def get_state(self) -> dict[str, Any]:
+        """Return the module's state, what it answers in evaluation, and its random numbers."""
+        weights = {key: value.cpu().clone() for key, value in self.module.state_dict().items()}
+        return {"weights": weights, "answers": self._answers(), "random": self._stream.get_state()}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave; until `draw_noise` there is none.
+
+        Raises:
+            ValueError: the state belongs to another module, or to one that answered differently.
+        """
+        expected = {key: (value.shape, value.dtype) for key, value in self.module.state_dict().items()}
+        weights = state.get("weights", {})
+        found = {key: (value.shape, value.dtype) for key, value in weights.items()}
+        if expected != found:
+            unlike = sorted(key for key in expected | found if expected.get(key) != found.get(key))
+            raise ValueError(f"the weights do not fit the network: {', '.join(unlike) or 'there are none'}")
+        self.module.load_state_dict(weights)
+        self._drawn = False
+        self._stream.set_state(state["random"])
+        if not torch.allclose(self._answers(), state["answers"], equal_nan=True, **NEAR):
+            raise ValueError(
+                f"{self._name} makes another network than when the weights were saved, for it gives other "
+                "values with them; put its code back as it was"
+            )
+
+    def _answers(self) -> torch.Tensor:
+        """What the module answers to a few observations in evaluation mode, with always the same noise."""
+        rows, size = ROWS[-1], torch.Size(self._shape).numel()
+        device = next(self.module.parameters()).device
+        # Spread over [0, 1] by multiples of the golden ratio, the same with every version of PyTorch.
+        observations = (torch.arange(rows * size, dtype=torch.float64) * 0.6180339887).frac().float()
+        self._set_mode(training=False)
+        with RandomStream(0, device).in_place(), torch.no_grad():
+            values: torch.Tensor = self.module(observations.view(rows, *self._shape).to(device))
+        return values.cpu().clone()
+
+    def _set_mode(self, *, training: bool) -> None:
+        if self.module.training != training:
+            self.module.train(training)
+
+    def _run(self, observations: torch.Tensor, *, learning: bool) -> torch.Tensor:
+        # What a module keeps of a pass would be of no use to autograd, were it made in inference mode.
+        with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream.in_place():
+            with users_code(f"{self._name}: its forward pass fails"):
+                values: torch.Tensor = self.module(observations.view(-1, *self._shape))
+            return values
+
+
+def checked_module(made: object, name: str, shape: Sequence[int], actions: int) -> nn.Module:
+    """Return what a factory made, if a Q-network can be trained of it; its dress rehearsal is here.
+
+    Raises:
+        UserError: it is no module, has no parameters that learn or others than float32, cannot be copied, or
+            gives no finite values of shape (B, `actions`) that depend on them.
+    """
+    if not isinstance(made, nn.Module):
+        raise UserError(f"{name}: expected a torch.nn.Module, got a {type(made).__name__}")
+    made.eval()
+    _refuse_other_types(made, name)
+    for rows in ROWS:
+        with torch.no_grad():
+            _rehearse(made, name, torch.rand(rows, *shape), actions)
+    double = _copied(made, name).train()
+    values = _rehearse(double, name, torch.rand(ROWS[-1], *shape), actions)
+    if not values.requires_grad:
+        raise UserError(f"{name}: its values depend on no parameter that learns")
+    with users_code(f"{name}: its backward pass fails"):
+        torch.autograd.backward(values, torch.ones_like(values))
+    return made
+
+
+def _refuse_other_types(module: nn.Module, name: str) -> None:
+    if not any(parameter.requires_grad for parameter in module.parameters()):
+        raise UserError(f"{name}: the module has no parameters that learn")
+    for key, parameter in module.named_parameters():
+        if parameter.dtype != torch.float32:
+            raise UserError(f"{name}: parameter {key} is {parameter.dtype}, expected torch.float32")
+    for key, value in module.state_dict().items():
+        if not isinstance(value, torch.Tensor):
+            raise UserError(f"{name}: state_dict() holds a {type(value).__name__} as {key}, expected tensors")
+
+
+def _rehearse(module: nn.Module, name: str, observations: torch.Tensor, actions: int) -> torch.Tensor:
+    """Run a module once and return its values if they can be used."""
+    shape = tuple(observations.shape)
+    with users_code(f"{name}: its forward pass fails on observations of shape {shape}"):
+        values = module(observations)
+    expected = (len(observations), actions)
+    if not isinstance(values, torch.Tensor) or values.shape != expected or values.dtype != torch.float32:
+        got = f"a {type(values).__name__}"
+        if isinstance(values, torch.Tensor):
+            got = f"{values.dtype} of shape {tuple(values.shape)}"
+        raise UserError(f"{name}: expected values of torch.float32 and shape {expected}, got {got}")
+    if not values.isfinite().all():
+        raise UserError(f"{name}: gives values that are not finite, such as {values.tolist()[0]}")
+    return values
+
+
+def _copied(module: nn.Module, name: str) -> nn.Module:
+    with users_code(f"{name}: cannot be copied, as the target network must be"):
+        return copy.deepcopy(module)
+
+
+def _parts_with_noise(module: nn.Module) -> list[Any]:
+    """The module itself if it has noise to draw, else those of its parts that do."""
+    parts = [part for part in module.modules() if callable(getattr(part, "reset_noise", None))]
+    return parts[:1] if parts[:1] == [module] else parts

@@ -1,0 +1,182 @@
+"""A user's own function that makes a Q-network: how it is named, found and called."""
+
+import importlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+from drlsl.config import NetworkConfig
+from drlsl.errors import UserError
+
+Factory = Callable[..., Any]
+"""Makes a torch.nn.Module of the numbers of observed values and of actions, and of keyword arguments."""
+
+_LOADING: Final[ContextVar[str]] = ContextVar("loading", default="")
+"""The factory whose file is being run."""
+
+_PACKAGE: Final = Path(__file__).parents[1]
+
+
+@contextmanager
+def users_code(what: str) -> Iterator[None]:
+    """Report what a user's code raises in one line: the error, and where in that code it came about.
+
+    Raises:
+        UserError: the code raised something.
+    """
+    try:
+        yield
+    except UserError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise UserError(f"{what}: {_described(error)}") from error
+
+
+def find_factory(name: str) -> Factory:
+    """Find a function or class by FILE.py:NAME or PACKAGE.MODULE:NAME; its file is run if it has not been.
+
+    Raises:
+        UserError: there is no such file, module or function, or the file cannot be run.
+    """
+    place, _, attribute = name.rpartition(":")
+    what = f"network.factory {name}"
+    found = _of_main(place)
+    if found is None:
+        token = _LOADING.set(what)
+        try:
+            found = _from_file(Path(place), what) if place.endswith(".py") else _from_module(place, what)
+        finally:
+            _LOADING.reset(token)
+    factory = getattr(found, attribute, None)
+    if factory is None:
+        raise UserError(f"{what}: {place} has no '{attribute}'")
+    if not (inspect.isfunction(factory) or inspect.isclass(factory)):
+        raise UserError(f"{what}: expected a function or a class, found a {type(factory).__name__}")
+    made: Factory = factory
+    return made
+
+
+def call_factory(config: NetworkConfig, observation_size: int, actions: int) -> Any:
+    """Call the function that a configuration names.
+
+    Raises:
+        UserError: it cannot be found or called.
+    """
+    factory = find_factory(config.factory)
+    with users_code(f"network.factory {config.factory}: cannot make the network"):
+        return factory(observation_size, actions, **config.arguments)
+
+
+def factory_file(name: str) -> Path:
+    """Return the file that a function or class is defined in.
+
+    Raises:
+        UserError: it cannot be found.
+    """
+    with users_code(f"network.factory {name}: cannot find its file"):
+        return Path(inspect.getfile(find_factory(name)))
+
+
+def factory_name(factory: Factory) -> str:
+    """Return the name by which another process finds a function or class.
+
+    Raises:
+        UserError: it has none, for it was not defined at the top level of a file.
+    """
+    name = getattr(factory, "__qualname__", "")
+    module = sys.modules.get(getattr(factory, "__module__", ""))
+    if module is None or not name.isidentifier() or getattr(module, name, None) is not factory:
+        raise UserError(
+            f"network {factory!r}: expected a function at the top level of a file, "
+            "where `drlsl eval` finds it"
+        )
+    dotted = module.__spec__.name if module.__spec__ is not None else module.__name__
+    if "." in dotted:
+        return f"{dotted}:{name}"
+    file = getattr(module, "__file__", None)
+    if file is None:
+        raise UserError(
+            f"network {name}: put it into a file, such as networks.py, so that `drlsl eval` finds it"
+        )
+    path = Path(file).resolve()
+    here = Path.cwd()
+    return f"{path.relative_to(here) if path.is_relative_to(here) else path}:{name}"
+
+
+def refuse_while_loading() -> None:
+    """Refuse to train while the file of a network is run only for its function.
+
+    Raises:
+        UserError: it is.
+    """
+    if _LOADING.get():
+        raise UserError(
+            f"{_LOADING.get()}: its file starts a training when it is imported; put that below "
+            "`if __name__ == '__main__':`"
+        )
+
+
+def _of_main(place: str) -> ModuleType | None:
+    """The script that runs, where that is the file or module that is looked for: it is not run again."""
+    main = sys.modules["__main__"]
+    spec = getattr(main, "__spec__", None)
+    if spec is not None and spec.name == place:
+        return main
+    file = getattr(main, "__file__", None)
+    same = file is not None and place.endswith(".py") and Path(file).resolve() == Path(place).resolve()
+    return main if same else None
+
+
+def _from_file(path: Path, what: str) -> ModuleType:
+    if not path.is_file():
+        raise UserError(f"{what}: no file {path} in {Path.cwd()}")
+    spec = importlib.util.spec_from_file_location(f"drlsl_network_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # As for any import: a data class, say, looks its module up while that is run.
+    sys.modules[spec.name] = module
+    with users_code(f"{what}: cannot run the file"), _importable(path.parent):
+        spec.loader.exec_module(module)
+    return module
+
+
+def _from_module(name: str, what: str) -> ModuleType:
+    with users_code(f"{what}: cannot import the module"), _importable(Path.cwd()):
+        return importlib.import_module(name)
+
+
+@contextmanager
+def _importable(folder: Path) -> Iterator[None]:
+    """Let modules in a folder be imported, after those that are installed."""
+    entry = str(folder.resolve())
+    sys.path.append(entry)
+    try:
+        yield
+    finally:
+        sys.path.remove(entry)
+
+
+def _described(error: BaseException) -> str:
+    """The kind of an error, the first line of its message, and the last place outside of libraries."""
+    lines = str(error).splitlines()
+    text = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+    if isinstance(error, SyntaxError):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    places = [
+        f" ({Path(frame.filename).name}:{frame.lineno})"
+        for frame in frames
+        if Path(frame.filename).is_file()
+        and "site-packages" not in frame.filename
+        and not Path(frame.filename).is_relative_to(_PACKAGE)
+        and not Path(frame.filename).is_relative_to(Path(inspect.__file__).parent)
+    ]
+    return text + (places[-1] if places else "")
