@@ -7,6 +7,7 @@ import io
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeAlias
@@ -20,7 +21,7 @@ from drlsl.logic.consult import Loader, LoadWarning, read_source
 from drlsl.logic.errors import ExistenceError, existence_error
 from drlsl.logic.explanation import Explanation
 from drlsl.logic.flags import Flags
-from drlsl.logic.limits import Limits, Meter
+from drlsl.logic.limits import LimitExceeded, Limits, Meter
 from drlsl.logic.linking import Linker, library
 from drlsl.logic.operators import Operators
 from drlsl.logic.program import Clause, Predicate, Program
@@ -400,7 +401,7 @@ def _prove(machine: Machine, task: Task) -> Task:
 class Query:
     """A goal of one engine, made ready to be asked."""
 
-    __slots__ = ("_engine", "_names", "_predicate", "_variables")
+    __slots__ = ("_engine", "_linked", "_names", "_predicate", "_variables")
 
     def __init__(self, engine: Engine, goal: Term, variables: Mapping[str, Var]) -> None:
         callable_parts(goal)
@@ -411,6 +412,7 @@ class Query:
         head: Term = Struct("$query", self._variables) if shown else Atom("$query")
         self._predicate = Predicate(engine.program, "$query", len(shown))
         self._predicate.ask(Clause(head, goal))
+        self._link()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The engine and the goal; a copy asks the engine's copy."""
@@ -457,7 +459,16 @@ class Query:
     def _start(self, limits: Limits | None) -> tuple[Machine, list[Var]]:
         return Machine(self._engine, limits or _UNLIMITED), [Var(name) for name in self._names]
 
+    def _link(self) -> None:
+        """Make the goal ready, so that asking it the first time takes no longer than later."""
+        self._predicate.clauses[0].code = None
+        self._linked = self._engine.linker.relinked
+        with suppress(LimitExceeded):  # which the first call will meet, too
+            self._engine.linker.prepare([self._predicate], Meter(_UNLIMITED))
+
     def _task(self, machine: Machine, args: list[Var]) -> Task:
+        if self._linked != self._engine.linker.relinked:
+            self._link()
         return _ask, self._predicate, args, FOUND
 
     def _solution(self, args: list[Var], meter: Meter) -> Solution:

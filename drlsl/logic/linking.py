@@ -132,6 +132,7 @@ class Linker:
 
     def __init__(self) -> None:
         self.program = Program(self.link, partial(cold_entry, self))
+        self.relinked = 0  # how often what goals stand for has changed
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:
         """The kind of node and the target of a goal: the program's own predicates hide all others."""
@@ -148,6 +149,7 @@ class Linker:
 
     def relink(self) -> None:
         """Have every clause linked anew, after a definition has begun to hide a builtin."""
+        self.relinked += 1
         for predicate in self.program.predicates.values():
             if predicate.rows is None:
                 for clause in predicate.clauses:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from drlsl.logic import Engine, PrologError
+from drlsl.logic import Engine, Limits, PrologError
+from drlsl.logic.body import compile_clause
+from drlsl.logic.limits import Meter
+from drlsl.logic.terms import Atom, Struct
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -42,10 +45,35 @@ def test_a_dynamic_predicate_abolished_before_the_first_call_hides_nothing(compi
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_a_body_that_is_no_goal_is_an_error_once_it_is_reached(compiled: bool) -> None:
+def test_what_is_wrong_with_a_clause_is_an_error_once_it_is_reached(compiled: bool) -> None:
     engine = Engine(compiled=compiled)
-    engine.consult_text("p(a).\np(b) :- call((fail, 1)).\np(c).\n")
+    engine.consult_text("p(a).\np(b) :- fail.\np(c).\n")
+    predicate = engine.program.get("p", 1)
+    wrong = predicate.clauses[1]
+    wrong.body = Struct(",", (Atom("fail"), 1))
+    wrong.code = None
+    with pytest.raises(PrologError, match="callable"):
+        compile_clause(wrong, engine.program.link)
+    engine.linker.prepare([predicate], Meter(Limits()))
+    assert [clause.code is not None for clause in predicate.clauses] == [True, False, True]
     assert engine.holds("p(a)")
     assert engine.holds("p(c)")
     with pytest.raises(PrologError, match="callable"):
         engine.holds("p(b)")
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_goal_that_is_wrong_is_an_error_once_it_is_asked(compiled: bool) -> None:
+    query = Engine(compiled=compiled).prepare(Struct(",", (Atom("fail"), 1)))
+    with pytest.raises(PrologError, match="callable"):
+        query.holds()
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("goal", ["last([1, 2], X)", "plus(1, 1, X)"])
+def test_a_query_follows_a_definition_that_hides_what_it_called(goal: str, compiled: bool) -> None:
+    engine = Engine(compiled=compiled, flags={"iso": "false"})
+    query = engine.prepare(goal)
+    assert [solution["X"] for solution in query.solutions()] == [2]
+    engine.consult_text("last(_, mine).\nplus(_, _, mine).\n")
+    assert [solution["X"] for solution in query.solutions()] == ["mine"]
