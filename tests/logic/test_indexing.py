@@ -161,3 +161,24 @@ def test_what_a_clause_has_bound_is_unseen_by_the_next() -> None:
         assert [_renamed(repr(solution)) for solution in engine.query("p(V, V), W = V")] == [
             "Solution(V=Variable(name='V'), W=Variable(name='V'))"
         ]
+
+
+@pytest.mark.parametrize("patience", [0, 8])
+def test_clauses_for_any_first_argument_are_tried_in_their_places(patience: float) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", patience)
+        engine = Engine()
+        engine.consult_text(
+            "p(_, 1).\np(a, 2).\np(f(_), 3).\np(_, 4).\np(a, 5).\np([], 6).\np(2.5, 7).\np(_, 8).\n"
+        )
+        found = {
+            first: [s["V"] for s in engine.query(f"p({first}, V)")] for first in ("a", "f(0)", "[]", "2.5")
+        }
+        assert found == {
+            "a": [1, 2, 4, 5, 8],
+            "f(0)": [1, 3, 4, 8],
+            "[]": [1, 4, 6, 8],
+            "2.5": [1, 4, 7, 8],
+        }
+        assert [s["V"] for s in engine.query("p(other, V)")] == [1, 4, 8]
+        assert [s["V"] for s in engine.query("p(K, V), V > 4")] == [5, 6, 7, 8]

@@ -136,9 +136,7 @@ class BodyEmitter:
                 inner.numbers[variable] = number
         inner.integers = scope.integers & set(names)
         function.commits = any(_cuts(goal, inner.names) for goal in goals)
-        ignored = "_, _, " if first else "_, "
-        function.emit(f"{ignored}{', '.join([*names, 'k'])} = t")
-        function.emit("trail = m.trail; choices = m.choices")
+        function.begin(*(("_", "_") if first else ("_",)), *names, "k")
         start = f"{function.name}, {first}, " if first else f"{function.name}, "
         expression = f"({start}{', '.join([*names, k])})"
         return expression, Place(function, inner, lambda: function.emit("return FAIL"))
@@ -220,8 +218,8 @@ class BodyEmitter:
         loop = self._module.function()
         inner = Place(loop, Scope({variable: scope.names[variable] for variable in live}), lambda: None)
         loop.about(goals[0], self._clause, inner.scope)
-        loop.emit(f"{', '.join(['_, mark, rows, index', *names, 'k'])} = t")
-        loop.emit("trail = m.trail; choices = m.choices; mark = len(trail); end = len(rows)")
+        loop.begin("_", "mark", "rows", "index", *names, "k")
+        loop.emit("mark = len(trail); end = len(rows)")
         loop.emit("while index < end:")
         loop.indent += 1
         loop.emit("row = rows[index]; index += 1")

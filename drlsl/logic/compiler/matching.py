@@ -23,6 +23,8 @@ def emit_match(function: Function, scope: Scope, pattern: Term, name: str, fail:
     pattern = deref(pattern)
     if type(pattern) is Var:
         known = scope.names.get(pattern)
+        if pattern in function.module.voids:
+            return
         if known is None:
             scope.names[pattern] = name
         elif known != name:
@@ -34,15 +36,13 @@ def emit_match(function: Function, scope: Scope, pattern: Term, name: str, fail:
         else:
             _emit_struct(function, scope, pattern, name, fail)
         return
-    emit_deref(function, name)
     constant = function.constant(pattern)
     if type(pattern) is Atom:
-        function.emit(f"if {name} is not {constant}:")
+        test = f"({name} is {constant} or type({name}) is not Atom and unify({name}, {constant}, trail))"
     else:
-        function.emit(f"if {name} != {constant} or type({name}) is not {type(pattern).__name__}:")
-    function.indent += 1
-    _emit_bind_or_fail(function, name, constant, fail)
-    function.indent -= 1
+        kind = type(pattern).__name__
+        test = f"({name} == {constant} and type({name}) is {kind} or unify({name}, {constant}, trail))"
+    _emit_test(function, test, fail)
 
 
 def emit_known(function: Function, scope: Scope, pattern: Term, name: str, fail: Fail) -> None:
@@ -50,20 +50,17 @@ def emit_known(function: Function, scope: Scope, pattern: Term, name: str, fail:
     pattern = deref(pattern)
     if type(pattern) is not Struct:
         return
-    parts = [function.local() for _ in pattern.args]
-    function.emit(f"{', '.join(parts)}, = {name}.args")
+    _emit_parts(function, scope, pattern, name, fail)
+
+
+def _emit_parts(function: Function, scope: Scope, pattern: Struct, name: str, fail: Fail) -> None:
+    """Unify the arguments of a term whose functor is the pattern's."""
+    voids = function.module.voids
+    parts = ["_" if deref(arg) in voids else function.local() for arg in pattern.args]
+    if any(part != "_" for part in parts):
+        function.emit(f"{', '.join(parts)}, = {name}.args")
     for part, arg in zip(parts, pattern.args, strict=True):
         emit_match(function, scope, arg, part, fail)
-
-
-def _emit_bind_or_fail(function: Function, name: str, value: str, fail: Fail) -> None:
-    function.emit(f"if type({name}) is Var:")
-    function.emit(f" {name}.ref = {value}")
-    function.emit(f" trail.append({name})")
-    function.emit("else:")
-    function.indent += 1
-    fail()
-    function.indent -= 1
 
 
 def _emit_test(function: Function, test: str, fail: Fail) -> None:
@@ -76,24 +73,20 @@ def _emit_test(function: Function, test: str, fail: Fail) -> None:
 def _emit_struct(function: Function, scope: Scope, pattern: Struct, name: str, fail: Fail) -> None:
     """Take a compound term apart, or build it where a variable waits for it."""
     emit_deref(function, name)
-    function.emit(f"if type({name}) is Struct:")
+    is_alike = f"{name}.name == {pattern.name!r} and len({name}.args) == {len(pattern.args)}"
+    function.emit(f"if type({name}) is Struct and {is_alike}:")
+    lines = len(function.lines)
     function.indent += 1
-    arity = len(pattern.args)
-    function.emit(f"if {name}.name != {pattern.name!r} or len({name}.args) != {arity}:")
-    function.indent += 1
-    fail()
-    function.indent -= 1
     before = scope.copy()
-    parts = [function.local() for _ in pattern.args]
-    function.emit(f"{', '.join(parts)}, = {name}.args")
-    for part, arg in zip(parts, pattern.args, strict=True):
-        emit_match(function, scope, arg, part, fail)
+    _emit_parts(function, scope, pattern, name, fail)
+    if len(function.lines) == lines:
+        function.emit("pass")
     function.indent -= 1
     function.emit(f"elif type({name}) is Var:")
     function.indent += 1
     # The variables that the first branch made known must be the same locals here.
     for variable in term_variables(pattern):
-        if variable not in before.names:
+        if variable in scope.names and variable not in before.names:
             before.names[variable] = scope.names[variable]
             function.emit(f"{scope.names[variable]} = Var()")
     function.emit(f"{name}.ref = {build(function, before, pattern)}")
@@ -123,9 +116,11 @@ def emit_unify(function: Function, scope: Scope, left: Term, right: Term, fail: 
             function.emit(f"{name} = {expression}")
             return
         if type(right) is not Var:
-            # A copy, so that the local of the variable itself is not moved along a chain of bindings.
-            name = function.local()
-            function.emit(f"{name} = {scope.names[left]}")
+            name = scope.names[left]
+            if type(right) is Struct:
+                # A copy, so that the local of the variable itself is not moved along a chain of bindings.
+                name = function.local()
+                function.emit(f"{name} = {scope.names[left]}")
             emit_match(function, scope, right, name, fail)
             return
     left_expression = build(function, scope, left)

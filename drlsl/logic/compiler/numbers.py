@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drlsl.logic.arithmetic import BINARY, UNARY, comparison
-from drlsl.logic.compiler.matching import Fail, emit_deref
+from drlsl.logic.compiler.matching import Fail
 from drlsl.logic.compiler.writer import Function, Scope, build
 from drlsl.logic.terms import Struct, Term, Var, deref
 
@@ -41,9 +41,10 @@ def _emit_variable(function: Function, scope: Scope, variable: Var) -> str:
     if known is not None:
         return known
     name = function.local("n")
-    function.emit(f"{name} = {build(function, scope, variable)}")
-    emit_deref(function, name)
-    function.emit(f"if type({name}) is not int and type({name}) is not float: {name} = evaluate({name}, m)")
+    term = build(function, scope, variable)
+    # Most are numbers, or bound to one; the evaluator sees to whatever else there is.
+    function.emit(f"{name} = {term}.ref if type({term}) is Var else {term}")
+    function.emit(f"if type({name}) is not int and type({name}) is not float: {name} = evaluate({term}, m)")
     scope.numbers[variable] = name
     return name
 

@@ -59,7 +59,9 @@ class _PredicateCompiler:
 
     def __init__(self, predicate: Predicate, linker: Any, unbound: Any) -> None:
         self._clauses = list(predicate.clauses)
-        self._module = Module(f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME))
+        self._module = Module(
+            f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME), _voids(self._clauses)
+        )
         # A call of a tabled predicate by itself is one like any other: it asks the table.
         own = (predicate.name, predicate.arity) if predicate.tabled is None else ("", -1)
         self._emitter = BodyEmitter(self._module, linker, own)
@@ -73,8 +75,7 @@ class _PredicateCompiler:
     def compile(self) -> Any:
         """Emit and load the code."""
         function = self._function
-        function.emit(f"{', '.join(['_, _, alts', *self._args, 'k'])} = t")
-        function.emit("trail = m.trail; choices = m.choices; rounds = m.rounds")
+        function.begin("_", "_", "alts", *self._args, "k")
         for position in self._holes:
             function.emit(f"hole{position} = None")
         function.emit("while True:")
@@ -125,15 +126,17 @@ class _PredicateCompiler:
         function.indent += 1
         emit_deref(function, "a0")
         function.emit("kind = type(a0)")
-        function.emit("if kind is Struct:")
-        function.indent += 1
-        for (name, arity), chain in structs.items():
-            function.emit(f"if a0.name == {name!r} and len(a0.args) == {arity}:")
+        if structs:
+            function.emit("if kind is Struct:")
+            function.indent += 1
+        for count, ((name, arity), chain) in enumerate(structs.items()):
+            function.emit(f"{'elif' if count else 'if'} a0.name == {name!r} and len(a0.args) == {arity}:")
             self._chosen(chain, first_known=True)
-        function.emit("if alts is None:")
-        self._chosen(others, first_known=False)
-        function.indent -= 1
-        function.emit("elif kind is Var:")
+        if structs:
+            function.emit("else:")
+            self._chosen(others, first_known=False)
+            function.indent -= 1
+        function.emit(f"{'elif' if structs else 'if'} kind is Var:")
         self._switch_unbound(every)
         self._switch_constants(rest, others)
         function.indent -= 1
@@ -252,9 +255,14 @@ class _PredicateCompiler:
             function.emit("break")
 
         may_bind = False
-        for name, pattern in zip(args, clause.args, strict=True):
+        for position, (name, pattern) in enumerate(zip(args, clause.args, strict=True)):
+            if position == 0 and self._unbound is not None and type(deref(pattern)) is not Var:
+                # The switch has chosen this clause by the functor of a bound first argument.
+                emit_known(function, scope, pattern, name, next_clause)
+                may_bind = type(deref(pattern)) is Struct
+                continue
             is_new = type(deref(pattern)) is Var and deref(pattern) not in scope.names
-            if may_bind and not is_new:
+            if may_bind and type(deref(pattern)) is Struct:
                 # What this clause has bound, the next one must not find in the argument itself.
                 local = function.local()
                 function.emit(f"{local} = {name}")
@@ -277,6 +285,21 @@ def _emit_rest(function: Function, args: Sequence[str]) -> None:
     function.emit("m.left -= m.rounds")
     task = f"({', '.join(['entry, 0, None', *args, 'k'])})"
     function.emit(f"return {task} if m.left > 0 else m.rest({task})")
+
+
+def _voids(clauses: Sequence[Clause]) -> set[Var]:
+    """The variables that occur just once in their clause."""
+    once: set[Var] = set()
+    again: set[Var] = set()
+    for clause in clauses:
+        todo = [clause.head, clause.body]
+        while todo:
+            term = deref(todo.pop())
+            if type(term) is Struct:
+                todo.extend(term.args)
+            elif type(term) is Var:
+                (again if term in once else once).add(term)
+    return once - again
 
 
 def _chains(clauses: Sequence[Clause]) -> tuple[dict[Any, list[int]], list[int]]:

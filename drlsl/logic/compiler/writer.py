@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import Any
 
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 # Deeper terms are built step by step, since Python limits how deep an expression nests.
 DEEPEST_EXPRESSION = 6
+
+
+# What functions have in locals of the same names, where they use it.
+_OF_MACHINE = ("trail", "choices", "rounds")
 
 
 class Namespace:
@@ -62,6 +66,10 @@ class Function:
         self.commits = False  # whether it removes choice points that were made before it is called
         self._info: Any = None
 
+    def begin(self, *names: str) -> None:
+        """Start with the parts of the task under these names."""
+        self.emit(f"{', '.join(names)} = t")
+
     def emit(self, text: str) -> None:
         """Add a line at the current indentation."""
         self.lines.append((" " * self.indent + text, self._info))
@@ -86,9 +94,10 @@ class Function:
 class Module:
     """The functions of one predicate, on their way to being compiled by Python."""
 
-    def __init__(self, title: str, namespace: Namespace) -> None:
+    def __init__(self, title: str, namespace: Namespace, voids: Container[Var]) -> None:
         self.title = title
         self.namespace = namespace
+        self.voids = voids  # the variables that occur once in their clause, so that no code asks for them
         self.functions: list[Function] = []
         self._counter = 0
 
@@ -110,12 +119,13 @@ class Module:
         """
         text: list[str] = []
         info: dict[int, Any] = {}
+        number = 0
         for function in self.functions:
-            text.append(f"def {function.name}(m, t):")
-            for line, about in function.lines:
-                text.append(line)
-                if about is not None:
-                    info[len(text)] = about
+            body = "\n".join([line for line, _ in function.lines])
+            used = "; ".join([f"{name} = m.{name}" for name in _OF_MACHINE if name in body])
+            text += (f"def {function.name}(m, t):", f" {used}", body)
+            info.update((number + at, about) for at, (_, about) in enumerate(function.lines, 3) if about)
+            number += 2 + len(function.lines)
         values = self.namespace.values
         values["LINES"] = info
         values["COMMITS"] = frozenset(function.name for function in self.functions if function.commits)
@@ -135,6 +145,8 @@ def build(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
     """An expression for a term, after the lines that make its new variables."""
     term = deref(term)
     if type(term) is Var:
+        if term in function.module.voids and term not in scope.names:
+            return "Var()"
         ensure(function, scope, (term,))
         return scope.names[term]
     if type(term) is not Struct:
