@@ -74,12 +74,10 @@ class Predicate:
     """
 
     __slots__ = (
-        "_clauses",
         "_dead",
-        "_index",
-        "_others",
         "_row_index",
         "arity",
+        "buckets",
         "clauses_entry",
         "cold",
         "defined",
@@ -88,9 +86,11 @@ class Predicate:
         "entry",
         "multifile",
         "name",
+        "others",
         "program",
         "rows",
         "start",
+        "stored",
         "tabled",
     )
 
@@ -106,20 +106,20 @@ class Predicate:
         self.clauses_entry: Any = None  # the function that runs the clauses of a tabled predicate
         self.cold = 0  # how many calls the plain solver makes before they go through `entry`
         self.entry: Any = None  # the function that compiled code calls it by
-        self._clauses: list[Clause] = []
+        self.stored: list[Clause] = []
         self.rows: list[Row] | None = None  # the facts as rows while the predicate was filled in bulk
         self._row_index: dict[Any, list[Row]] | None = None
-        self._index: dict[Any, list[Clause]] | None = None
-        self._others: list[Clause] = []
+        self.buckets: dict[Any, list[Clause]] | None = None
+        self.others: list[Clause] = []
         self._dead = 0
-        self.start = 0  # every clause before this place of `_clauses` is erased
+        self.start = 0  # every clause before this place of `stored` is erased
         self.reset()
 
     def __repr__(self) -> str:
         return f"Predicate({self.name}/{self.arity}, {len(self)} clauses)"
 
     def __len__(self) -> int:
-        return len(self._clauses) - self._dead if self.rows is None else len(self.rows)
+        return len(self.stored) - self._dead if self.rows is None else len(self.rows)
 
     def reset(self) -> None:
         """Forget the code that was made of the clauses."""
@@ -133,7 +133,7 @@ class Predicate:
     def ask(self, clause: Clause) -> None:
         """Take the clause of a query, which changes nothing for anybody else."""
         clause.predicate = self
-        self._clauses = [clause]
+        self.stored = [clause]
         self.defined = True
 
     @property
@@ -151,29 +151,29 @@ class Predicate:
         if self.rows is not None:
             rows, self.rows, self._row_index = self.rows, None, None
             self.replace([Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows])
-        return self._clauses
+        return self.stored
 
     def index(self) -> None:
         """Have the index that looking up clauses needs."""
-        if self._index is None and len(self._clauses) > 1:
-            self._build_index()
+        if self.buckets is None and len(self.stored) > 1:
+            self.make_buckets()
 
     def candidates(self, first: Term) -> list[Clause]:
         """The clauses whose first argument may unify with a dereferenced term; erased ones included."""
-        clauses = self.stored_clauses() if self.rows is not None else self._clauses
+        clauses = self.stored_clauses() if self.rows is not None else self.stored
         if len(clauses) < 2:
             return clauses
-        index = self._index
+        index = self.buckets
         if index is None:
-            index = self._build_index()
+            index = self.make_buckets()
         kind = type(first)
         if kind is Struct:
-            return index.get((first.name, len(first.args)), self._others)  # type: ignore[union-attr]
+            return index.get((first.name, len(first.args)), self.others)  # type: ignore[union-attr]
         if kind is Var:
             return clauses
         if kind is float or kind is str:
-            return index.get((kind, first), self._others)
-        return index.get(first, self._others)
+            return index.get((kind, first), self.others)
+        return index.get(first, self.others)
 
     def candidate_rows(self, first: Term) -> list[Row]:
         """The rows whose first argument equals `first`, a dereferenced term, or all when it is a variable."""
@@ -188,22 +188,22 @@ class Predicate:
                 index.setdefault(index_key(row[0]), []).append(row)
         return index.get(index_key(first), [])
 
-    def _build_index(self) -> dict[Any, list[Clause]]:
+    def make_buckets(self) -> dict[Any, list[Clause]]:
         if self._dead:
             self._purge()
         index: dict[Any, list[Clause]] = {}
         others: list[Clause] = []
-        for clause in self._clauses:
+        for clause in self.stored:
             _index_clause(index, others, clause)
-        self._others = others
-        self._index = index
+        self.others = others
+        self.buckets = index
         return index
 
     def _purge(self) -> None:
-        self._clauses = [clause for clause in self._clauses if not clause.erased]
+        self.stored = [clause for clause in self.stored if not clause.erased]
         self._dead = 0
         self.start = 0
-        self._index = None
+        self.buckets = None
 
     def append(self, clause: Clause) -> None:
         """Add a clause behind the others."""
@@ -212,17 +212,17 @@ class Predicate:
         clauses.append(clause)
         self.defined = True
         self.changed()
-        if self._index is not None:
+        if self.buckets is not None:
             if self.arity:
-                _index_clause(self._index, self._others, clause)
+                _index_clause(self.buckets, self.others, clause)
             else:
-                self._index = None
+                self.buckets = None
 
     def prepend(self, clause: Clause) -> None:
         """Add a clause before the others."""
         clause.predicate = self
-        self._index = None
-        self._clauses = [clause, *self.stored_clauses()[self.start :]]
+        self.buckets = None
+        self.stored = [clause, *self.stored_clauses()[self.start :]]
         self._dead -= self.start
         self.start = 0
         self.defined = True
@@ -230,11 +230,11 @@ class Predicate:
 
     def replace(self, clauses: list[Clause]) -> None:
         """Take these clauses in place of whatever was there; iterations under way keep what they saw."""
-        self._index = None
+        self.buckets = None
         self.rows = self._row_index = None
         self._dead = 0
         self.start = 0
-        self._clauses = clauses
+        self.stored = clauses
         self.defined = True
         self.changed()
         for clause in clauses:
@@ -244,8 +244,8 @@ class Predicate:
         """Take these facts in place of whatever was there."""
         self.rows = rows
         self._row_index = None
-        self._clauses = []
-        self._index = None
+        self.stored = []
+        self.buckets = None
         self._dead = 0
         self.start = 0
         self.defined = True
@@ -259,14 +259,14 @@ class Predicate:
         clause.erased = self.program.generation
         self._dead += 1
         self.changed()
-        clauses = self._clauses
+        clauses = self.stored
         start = self.start
         while start < len(clauses) and clauses[start].erased:
             start += 1
         self.start = start
         if self._dead > 8 + len(clauses) // 2:
             self._purge()
-        elif self._index is not None and self.arity:
+        elif self.buckets is not None and self.arity:
             self._unindex(clause)
         return True
 
@@ -274,19 +274,19 @@ class Predicate:
         """Take an erased clause out of its bucket by replacing the bucket, so old iterations keep theirs."""
         first = deref(clause.args[0])
         if type(first) is Var:
-            self._index = None
+            self.buckets = None
             return
-        assert self._index is not None
+        assert self.buckets is not None
         key = index_key(first)
-        bucket = self._index.get(key)
+        bucket = self.buckets.get(key)
         if bucket is not None and len(bucket) <= 64:
             left = [other for other in bucket if not other.erased]
             if left:
-                self._index[key] = left
-            elif self._others:
-                self._index = None
+                self.buckets[key] = left
+            elif self.others:
+                self.buckets = None
             else:
-                del self._index[key]
+                del self.buckets[key]
 
 
 def _index_clause(index: dict[Any, list[Clause]], others: list[Clause], clause: Clause) -> None:

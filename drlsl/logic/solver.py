@@ -464,10 +464,8 @@ def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuat
 
 def interpret(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
     """Call a predicate with dereferenced arguments, clause by clause as it stands in the program."""
-    if predicate.tabled is not None:
-        task: Task = predicate.tabled(machine, predicate, args, continuation)
-        return task
-    return try_all(machine, predicate, args, continuation)
+    task: Task = (predicate.tabled or try_all)(machine, predicate, args, continuation)
+    return task
 
 
 def run_clauses(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
@@ -479,14 +477,30 @@ def run_clauses(machine: Machine, predicate: Predicate, args: Sequence[Any], con
 
 def try_all(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
     """Try the clauses or rows of a predicate."""
-    first = args[0] if args else NIL
     if predicate.rows is not None:
-        return try_rows(machine, predicate.candidate_rows(first), 0, args, continuation)
-    candidates = predicate.candidates(first)
+        rows = predicate.candidate_rows(args[0] if args else NIL)
+        return try_rows(machine, rows, 0, args, continuation)
+    candidates = predicate.stored
+    start = 0
+    if len(candidates) > 1:
+        # What `Predicate.candidates` does, without the call.
+        first = args[0] if args else NIL
+        kind = type(first)
+        if kind is Var:
+            start = predicate.start
+        else:
+            buckets = predicate.buckets
+            if buckets is None:
+                buckets = predicate.make_buckets()
+            if kind is Struct:
+                candidates = buckets.get((first.name, len(first.args)), predicate.others)  # type: ignore[union-attr]
+            elif kind is float or kind is str:
+                candidates = buckets.get((kind, first), predicate.others)
+            else:
+                candidates = buckets.get(first, predicate.others)
     end = len(candidates)
     if not end and not predicate.defined:
         return machine.undefined(predicate, args, continuation)
-    start = predicate.start if type(first) is Var else 0
     return try_clauses(machine, candidates, start, end, machine.program.generation, args, continuation)
 
 
@@ -602,7 +616,12 @@ def run(machine: Machine, task: Task) -> Task:
                     machine.tick((run, node, frame))
                 args = arguments(node.args, frame)
                 continuation = frame[1] if node.next is PROCEED_NODE else (run, node.next, frame)
-                following = enter(machine, node.target, args, continuation)
+                predicate = node.target
+                if machine.compiled:
+                    if not predicate.cold:
+                        return (predicate.entry, 0, None, *args, continuation)
+                    predicate.cold -= 1
+                following = (predicate.tabled or try_all)(machine, predicate, args, continuation)
             elif op == DET:
                 if node.function(machine, *arguments(node.args, frame)):
                     node = node.next
