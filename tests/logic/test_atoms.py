@@ -9,10 +9,11 @@ import sys
 import threading
 import tracemalloc
 import weakref
+from collections.abc import ItemsView
 
 import pytest
 
-from drlsl.logic import Engine
+from drlsl.logic import Engine, terms
 from drlsl.logic.terms import NIL, Atom
 
 LOOPS = [
@@ -147,6 +148,35 @@ def test_threads_agree_on_atoms_that_come_and_go() -> None:
     assert not strange
     for atoms in zip(*found, strict=True):
         assert len(set(map(id, atoms))) == 1
+
+
+def test_an_atom_made_by_two_threads_in_the_middle_of_a_sweep_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first thread rests where it makes the atom, while the second makes it too and sweeps."""
+    table = terms._AtomTable()
+    make, begun, swept = terms._new_atom, threading.Event(), threading.Event()
+    made: list[Atom] = []
+
+    def make_slowly(name: str) -> Atom:
+        if not begun.is_set():
+            begun.set()
+            swept.wait(0.3)
+        return make(name)
+
+    class Passing(dict[str, weakref.ref[Atom]]):
+        def items(self) -> ItemsView[str, weakref.ref[Atom]]:
+            swept.set()
+            other.join()
+            return super().items()
+
+    monkeypatch.setattr(terms, "_new_atom", make_slowly)
+    monkeypatch.setattr(table, "_passing", Passing())
+    other = threading.Thread(target=lambda: made.append(table.intern("twice")))
+    other.start()
+    begun.wait()
+    mine = table.intern("twice")
+    table._sweep()
+    assert made == [mine]
+    assert made[0] is mine is table.intern("twice")
 
 
 def test_an_atom_with_a_long_name_is_one_while_it_is_used_and_freed_at_once() -> None:
