@@ -106,11 +106,11 @@ class Predicate:
         self.clauses_entry: Any = None  # the function that runs the clauses of a tabled predicate
         self.cold = 0  # how many calls the plain solver makes before they go through `entry`
         self.entry: Any = None  # the function that compiled code calls it by
-        self.stored: list[Clause] = []
+        self.stored: list[Clause] = []  # erased ones included
         self.rows: list[Row] | None = None  # the facts as rows while the predicate was filled in bulk
         self._row_index: dict[Any, list[Row]] | None = None
-        self.buckets: dict[Any, list[Clause]] | None = None
-        self.others: list[Clause] = []
+        self.buckets: dict[Any, list[Clause]] | None = None  # by key of the first argument, once asked for
+        self.others: list[Clause] = []  # those that match any key, and so are in every bucket
         self._dead = 0
         self.start = 0  # every clause before this place of `stored` is erased
         self.reset()

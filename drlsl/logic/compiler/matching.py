@@ -22,9 +22,9 @@ def emit_match(function: Function, scope: Scope, pattern: Term, name: str, fail:
     """Unify a term of the clause with the term in a local; `fail` emits what to do if that is impossible."""
     pattern = deref(pattern)
     if type(pattern) is Var:
-        known = scope.names.get(pattern)
         if pattern in function.module.voids:
             return
+        known = scope.names.get(pattern)
         if known is None:
             scope.names[pattern] = name
         elif known != name:
