@@ -63,6 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--interruptions", type=int, default=30, help="of the training, and of the study")
     parser.add_argument("--episodes", type=int, default=600, help="of each training")
     given = parser.parse_args(arguments)
+    # What a shell runs in the background ignores Ctrl-C, and so would what is begun here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     given.folder.mkdir(parents=True, exist_ok=True)
     differences = [
         *training(given.folder, given.interruptions, given.episodes),

@@ -237,13 +237,20 @@ Binary: TypeAlias = Callable[[Any, Any, "Machine"], Number]
 Unary: TypeAlias = Callable[[Any, "Machine"], Number]
 
 
+def _made(value: int, machine: Machine) -> int:
+    """An integer that an operation has made, accounted for if it is large."""
+    bits = value.bit_length()
+    if bits > SMALL_BITS:
+        machine.meter.text(bits >> 3)
+    return value
+
+
 def _arithmetic(operation: Callable[[Any, Any], Any]) -> Binary:
     """Addition and its like: exact for integers, checked for floats."""
 
-    def apply(left: Number, right: Number, _machine: Machine) -> Number:
+    def apply(left: Number, right: Number, machine: Machine) -> Number:
         if type(left) is int and type(right) is int:
-            result: int = operation(left, right)
-            return result
+            return _made(operation(left, right), machine)
         try:
             return check_float(operation(left, right), left, right)
         except OverflowError:
@@ -256,7 +263,7 @@ def _multiply(left: Number, right: Number, machine: Machine) -> Number:
     if type(left) is int and type(right) is int:
         if left.bit_length() + right.bit_length() > SMALL_BITS:
             check_product(left, right, machine.meter)
-        return left * right
+        return _made(left * right, machine)
     return _multiply_floats(left, right, machine)
 
 
@@ -270,7 +277,7 @@ def _integers(operation: Callable[[int, int], int], *, is_slow: bool = False) ->
         if type(left) is int and type(right) is int:
             if is_slow and left.bit_length() > SMALL_BITS:
                 check_division(left, right, machine.meter)
-            return operation(left, right)
+            return _made(operation(left, right), machine)
         raise type_error("integer", left if type(left) is not int else right)
 
     return apply
@@ -353,7 +360,7 @@ def _power_of_integers(base: int, exponent: int, machine: Machine) -> int:
         raise type_error("float", base)
     if abs(base) > 1:
         check_power(base.bit_length() * exponent, machine.meter)
-    return int(base**exponent)
+    return _made(int(base**exponent), machine)
 
 
 def _power(left: Number, right: Number, machine: Machine) -> Number:

@@ -25,10 +25,13 @@ _TO_TEXT: Final = 1.5e-7
 
 
 class Costs(Protocol):
-    """Accounts for work, as `drlsl.logic.limits.Meter` does; both methods raise when a limit is reached."""
+    """Accounts for work, as `drlsl.logic.limits.Meter` does; its methods raise when a limit is reached."""
 
     def spend(self, steps: int) -> None:
         """Account for steps of a builtin."""
+
+    def text(self, size: int) -> None:
+        """Account for a text of so many bytes that is about to be made."""
 
     def forecast(self, seconds: float) -> None:
         """Account for an operation about to begin that cannot be interrupted and takes so long [s]."""

@@ -296,6 +296,7 @@ class Engine:
         with self.alone:
             try:
                 is_proved = machine.solve((_prove, goal, FOUND))
+                machine.tick(None)  # its last inferences count too: many short searches are one long one
                 if is_proved and trail is not None:
                     machine.keep(trail)
                 return is_proved

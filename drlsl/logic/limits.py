@@ -27,7 +27,7 @@ class Limits:
 
     Attributes:
         inferences: calls of predicates; 64 steps of a builtin that walks or makes a large term count as one.
-        seconds: wall-clock time spent searching [s], checked every few hundred inferences, and before an
+        seconds: wall-clock time spent searching [s], checked every hundred inferences, and before an
             operation that cannot be interrupted is begun, by an estimate of how long that will take.
         depth: calls waiting for an inner one to end, checked every few thousand inferences.
         trail: bindings that backtracking would have to undo and choice points it could go back to, together.
@@ -55,6 +55,10 @@ _INFERENCES: Final = 8_000
 CELL_BYTES: Final = 150
 # Less than this is not worth a look.
 _SMALL_BYTES: Final = 1 << 20
+# Once there is something of this size, few inferences may fill the memory with its like.
+_LARGE_BYTES: Final = 1 << 16
+# More than there ever is room for, and little enough to be made a float.
+_MOST_CELLS: Final = 1 << 50
 _BYTES_OF_STEP: Final = 64
 # Cleanup goals of a query that went beyond its limits share this part of them anew, and at least so much.
 _CLEANUP_SHARE: Final = 0.1
@@ -78,6 +82,7 @@ class Meter:
     __slots__ = (
         "_base",
         "_deadline",
+        "_inferences",
         "_is_extended",
         "_left",
         "_most",
@@ -99,6 +104,7 @@ class Meter:
         self._steps = 0
         self._left = _STEPS
         self._unlooked = 0
+        self._inferences = _INFERENCES
 
     @property
     def ref(self) -> None:
@@ -122,7 +128,7 @@ class Meter:
         if self._deadline is not None and time.monotonic() > self._deadline:
             raise self._late()
         self._unlooked += inferences
-        if self._unlooked >= _INFERENCES:
+        if self._unlooked >= self._inferences:
             self._unlooked = 0
             self._check_room(0)
 
@@ -135,7 +141,7 @@ class Meter:
     def allow_cleanup(self) -> None:
         """Let cleanup goals run after a limit was exceeded, once, for a tenth of the limits.
 
-        All of them together share it; when it is used up, each ends at its first step.
+        All of them together share it; when it is used up, no other is begun.
         """
         if self._is_extended:
             return
@@ -149,6 +155,13 @@ class Meter:
             self._deadline = time.monotonic() + share_s
         if self._room is not None:
             self._room += int(self._room * _CLEANUP_SHARE)
+
+    def is_spent(self) -> bool:
+        """Whether what cleanup goals may use after a limit was exceeded is used up as well."""
+        if not self._is_extended:
+            return False
+        is_late = self._deadline is not None and time.monotonic() > self._deadline
+        return is_late or self.inferences_left() == 0
 
     # ------------------------------------------------------------------ what builtins report
 
@@ -168,6 +181,7 @@ class Meter:
         Raises:
             LimitExceeded: There is no time or no room for them.
         """
+        cells = min(cells, _MOST_CELLS)
         self._left -= cells
         if self._left < 0:
             self._look()
@@ -176,15 +190,17 @@ class Meter:
                 self._check_room(cells * CELL_BYTES)
 
     def text(self, size: int) -> None:
-        """Account for a text of so many bytes that a builtin is about to make.
+        """Account for a text of so many bytes, or an integer, that a builtin is about to make.
 
         Raises:
             LimitExceeded: There is no room for it.
         """
         if size >= _BYTES_OF_STEP:
-            self.spend(size // _BYTES_OF_STEP)
-            if size > _SMALL_BYTES:
-                self._check_room(size)
+            self.spend(min(size, _MOST_CELLS) // _BYTES_OF_STEP)
+            if size > _LARGE_BYTES:
+                self._inferences = 0
+                if size > _SMALL_BYTES:
+                    self._check_room(size)
 
     def forecast(self, seconds: float) -> None:
         """Account for an operation about to begin that cannot be interrupted and takes so long [s].

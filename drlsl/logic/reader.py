@@ -84,6 +84,8 @@ def read_term(
     Raises:
         PrologSyntaxError: the text is not exactly one term.
     """
+    if meter is not None:
+        meter.text(len(text))
     source = Source(text.removeprefix(BYTE_ORDER_MARK), name)
     stream = Tokens(source, flags, meter)
     tokens = stream.clause()
@@ -114,6 +116,8 @@ def parse_number(text: str, flags: Flags, meter: Meter | None = None) -> int | f
 
     Source: ISO 13211-1 8.16.7 (number_chars), 8.16.8 (number_codes).
     """
+    if meter is not None:
+        meter.text(len(text))
     tokens = Tokens(Source(text, "number"), flags).clause()
     negative = tokens[0][0] in (SYMBOL, QUOTED) and tokens[0][1] == "-"
     if len(tokens) != 2 + negative or tokens[-1][0] != EOF:

@@ -45,7 +45,7 @@ from drlsl.logic.limits import LimitExceeded as LimitExceeded
 from drlsl.logic.limits import Limits as Limits
 from drlsl.logic.limits import Meter, exceeded
 from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref
-from drlsl.logic.unify import UndoCall, compact, copy_term, undo, unify
+from drlsl.logic.unify import UndoCall, compact, copy_term, excerpt, undo, unify
 
 if TYPE_CHECKING:
     from drlsl.logic.flags import Flags
@@ -55,14 +55,18 @@ if TYPE_CHECKING:
 Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
-_SLICE: Final = 500
+_SLICE: Final = 100
 # What an error counts as, since the calls before it do not count.
 _STEPS_OF_ERROR: Final = 200
 # How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round
 # in one.
-_BOUNCES: Final = 250
-_ROUNDS: Final = 250
+_BOUNCES: Final = 50
+# The same in a search for another one: such are short, and what is left of a turn is never counted.
+_BOUNCES_INSIDE: Final = 8
+_ROUNDS: Final = 50
 _COMPACT_TRAIL: Final = 250
+# So much of a goal is copied for its error: more than messages show.
+_GOAL_CELLS: Final = 2_000
 
 
 class Machine:
@@ -72,6 +76,7 @@ class Machine:
     """
 
     __slots__ = (
+        "_bounces",
         "_depth_at",
         "_slice",
         "_trail_at",
@@ -113,6 +118,7 @@ class Machine:
         self.found = False
         self.evaluations: Any = None  # the tables that are being filled, once there is one
         self.limits = limits
+        self._bounces = _BOUNCES if meter is None else _BOUNCES_INSIDE
         self._depth_at = 0
         self._trail_at = _COMPACT_TRAIL
         self._slice = 0
@@ -149,9 +155,9 @@ class Machine:
         while True:
             try:
                 while True:
-                    for _ in repeat(None, _BOUNCES):
+                    for _ in repeat(None, self._bounces):
                         task = task[0](self, task)
-                    self.left -= _BOUNCES
+                    self.left -= self._bounces
                     if self.left < 0:
                         self.tick(task)
             except Stop:
@@ -180,6 +186,8 @@ class Machine:
     def close(self) -> None:
         """Give up the search, run the cleanup goals that are waiting, and undo every binding it made.
 
+        Those for which the limits leave nothing are not begun.
+
         Raises:
             PrologError: What the first cleanup goal that raised did; the others were run nevertheless.
         """
@@ -190,6 +198,8 @@ class Machine:
                     cut(self, 0)
                 except PrologError as error:
                     first = first or error
+                    if self.meter.is_spent():
+                        self.choices.clear()
         finally:
             undo(self.trail, 1)
         if first is not None:
@@ -203,17 +213,18 @@ class Machine:
 
     def _handle(self, error: PrologError) -> Task:
         """The task of the innermost catch/3 that takes an error; raises it again when there is none."""
+        ball = error.term
         if error.catchable:
             try:
                 # The calls before an error are not counted: a loop of errors alone would never be.
                 self.meter.spend(_STEPS_OF_ERROR)
+                ball = copy_term(ball, meter=self.meter)
             except LimitExceeded as exceeded:
                 error = exceeded
         if not error.catchable:
             if isinstance(error, LimitExceeded):
                 self.meter.allow_cleanup()
             raise error
-        ball = copy_term(error.term)
         self._unwinding = True
         try:
             return self._unwind(ball, error)
@@ -671,8 +682,13 @@ def _add_goal(error: PrologError, node: Node, frame: list[Any]) -> None:
     """Say which goal an error arose in, and in which clause, unless that is known already."""
     if error.goal is None and node.name:
         args = arguments(node.args, frame)
-        error.goal = Struct(node.name, tuple(args)) if args else Atom(node.name)
+        error.goal = told(node.name, args)
         error.clause = _place(node.clause)
+
+
+def told(name: str, args: Sequence[Term]) -> Term:
+    """A goal for its error, as it is before backtracking undoes what its variables are bound to."""
+    return excerpt(Struct(name, tuple(args)), _GOAL_CELLS) if args else Atom(name)
 
 
 def _call_builtin(machine: Machine, node: Node, frame: list[Any]) -> Task:
@@ -730,8 +746,8 @@ def add_context(error: PrologError) -> None:
             goal, clause, names = about
             known = traceback.tb_frame.f_locals
             renaming = {variable: known[name] for variable, name in names.items() if name in known}
-            # Copied once more, since backtracking will undo what its variables are bound to.
-            error.goal = copy_term(copy_term(goal, renaming))
+            # Twice, since backtracking will undo what its variables are bound to.
+            error.goal = excerpt(excerpt(goal, _GOAL_CELLS, renaming), _GOAL_CELLS)
             error.clause = _place(clause)
         traceback = traceback.tb_next
 

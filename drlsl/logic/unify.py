@@ -8,7 +8,8 @@ check may make, comes to an end. It also reports its steps to the meter of the q
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cmp_to_key
 from sys import getrefcount
 from typing import Any, Final, Protocol
@@ -21,6 +22,10 @@ from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 _SHORT: Final = 500
 _EIGHTH: Final = 8
 _REPORT: Final = 1024
+# What can be compared in the time of a step: an integer of so many bits, a text of so many characters.
+_LARGE_BITS: Final = 1 << 14
+_LARGE_TEXT: Final = 1 << 11
+_WEIGHED: Final = frozenset({int, str})
 
 
 class Undoable(Protocol):
@@ -102,7 +107,11 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
         return True
     if type(left) is Struct:
         return type(right) is Struct and _unify_compounds(left, right, trail)
-    return type(left) is type(right) and left == right
+    if type(left) is not type(right):
+        return False
+    if type(left) in _WEIGHED and is_large(left):
+        return _unify_long([left, right], trail)
+    return left == right
 
 
 def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
@@ -143,7 +152,11 @@ def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
                     return False
                 todo.append(one)
                 todo.append(other)
-            elif type(one) is not type(other) or one != other:
+            elif type(one) is not type(other):
+                return False
+            elif type(one) in _WEIGHED and is_large(one):
+                return _unify_long([*todo, left, right], trail)
+            elif one != other:
                 return False
         if not todo:
             return True
@@ -170,9 +183,28 @@ def _unify_long(todo: list[Term], trail: Trail) -> bool:
                 return False
             if not met.before(left, right):
                 push_pairs(todo, left, right)
-        elif type(left) is not type(right) or left != right:
+        elif type(left) is not type(right):
             return False
+        else:
+            met.weigh(left)
+            if left != right:
+                return False
     return True
+
+
+def is_large(value: Term) -> bool:
+    """Whether a number or a text is so large that comparing it with its like takes long."""
+    kind = type(value)
+    if kind is int:
+        return value.bit_length() > _LARGE_BITS  # type: ignore[union-attr]  # kind says so
+    return kind is str and len(value) > _LARGE_TEXT  # type: ignore[arg-type]  # kind says so
+
+
+def weight(value: Term) -> int:
+    """The steps that comparing a number or a text with its like takes at most."""
+    if type(value) is int:
+        return value.bit_length() // _LARGE_BITS
+    return len(value) // _LARGE_TEXT if type(value) is str else 0
 
 
 def _meter_of(trail: Trail) -> Meter | None:
@@ -205,6 +237,11 @@ class _Places:
             LimitExceeded: The query went beyond its limits.
         """
         return self._before(id(term), len(term.args))
+
+    def weigh(self, value: Term) -> None:
+        """Account for comparing a number or a text."""
+        if self._meter is not None and is_large(value):
+            self._meter.spend(weight(value))
 
     def _before(self, key: int, size: int) -> bool:
         if key in self._met:
@@ -358,6 +395,38 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None, meter: Meter 
     return root
 
 
+def excerpt(term: Term, most: int, renaming: Mapping[Var, Term] | None = None) -> Term:
+    """A copy of a term as far in as `most` arguments reach; what is further inside is the term's own.
+
+    In the copy no variable is bound, so that backtracking does not change it; those that `renaming` holds are
+    replaced.
+    """
+    term = deref(term)
+    renaming = renaming or {}
+    if type(term) is Var:
+        return renaming.get(term, term)
+    if type(term) is not Struct:
+        return term
+    root = Struct(term.name, ())
+    todo = deque([(root, term.args)])
+    while todo:
+        shell, args = todo.popleft()
+        most -= len(args)
+        if most < 0:
+            shell.args = args
+            continue
+        copied: list[Term] = []
+        for arg in map(deref, args):
+            if type(arg) is Struct:
+                inner = Struct(arg.name, ())
+                todo.append((inner, arg.args))
+                copied.append(inner)
+            else:
+                copied.append(renaming.get(arg, arg) if type(arg) is Var else arg)
+        shell.args = tuple(copied)
+    return root
+
+
 def term_variables(term: Term, meter: Meter | None = None) -> list[Var]:
     """The distinct unbound variables of a term, from left to right. Source: ISO 13211-1, 8.5.5."""
     return list(dict.fromkeys(_variables(term, meter)))
@@ -380,6 +449,8 @@ def compare(left: Term, right: Term, *, iso: bool = True, meter: Meter | None = 
         left = deref(left)
         right = deref(right)
         if left is not right:
+            if meter is not None and type(left) in _WEIGHED and is_large(left):
+                meter.spend(weight(left))
             order = _compare_shallow(left, right, iso)
             if order:
                 return order
@@ -460,6 +531,11 @@ def variant(left: Term, right: Term, meter: Meter | None = None) -> bool:
                 if met.before(left, right):
                     continue
             push_pairs(todo, left, right)
+        elif type(left) in _WEIGHED:
+            if meter is not None:
+                meter.spend(weight(left))
+            if left != right:
+                return False
         elif left != right:
             return False
     return True

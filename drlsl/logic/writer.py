@@ -131,6 +131,7 @@ class _Writer:
         self.meter = meter
         self.most = most
         self.done = 0
+        self.size = 0  # of the long tokens
         self.pieces: list[str] = []
         self.last = ""
         self.tasks: list[_Task] = []
@@ -152,7 +153,13 @@ class _Writer:
                 self._emit(task)
             else:
                 self._expand(*task)
+        self._weigh(self.size)
         return "".join(self.pieces)
+
+    def _weigh(self, size: int) -> None:
+        """Make sure that there is room for a text."""
+        if self.meter is not None:
+            self.meter.text(size)
 
     def _report(self, steps: int, term: Term) -> None:
         """Account for steps, and make sure once that a long walk has an end."""
@@ -171,6 +178,9 @@ class _Writer:
             self.pieces.append(" ")
         self.pieces.append(token)
         self.last = token[-1]
+        if len(token) > _REPORT:
+            self.size += len(token)
+            self._weigh(len(token))
 
     def _expand(self, term: Term, priority: int, depth: int) -> None:
         term = deref(term)
@@ -208,7 +218,8 @@ class _Writer:
         if style.numbervars and name == "$VAR" and len(args) == 1:
             number = deref(args[0])
             if isinstance(number, int) and number >= 0:
-                self._emit(chr(65 + number % 26) + (str(number // 26) if number > 25 else ""))
+                more = decimal_digits(number // 26, self.meter) if number > 25 else ""
+                self._emit(chr(65 + number % 26) + more)
                 return
         if name == "." and len(args) == 2 and not style.ignore_ops:
             self._list(term, depth)

@@ -15,6 +15,7 @@ from drlsl.logic.unify import (
     compact,
     compare,
     copy_term,
+    excerpt,
     is_ground,
     occurs,
     sort_key,
@@ -352,3 +353,30 @@ def test_long_lists_need_no_python_stack() -> None:
 @pytest.mark.slow
 def test_lists_of_a_million_elements_need_no_python_stack() -> None:
     check_walks(lambda end: make_list(range(1_000_000), end))
+
+
+@given(groups(1), st.integers(0, 40))
+def test_an_excerpt_equals_the_term_and_has_its_inner_parts(terms: list[Term], most: int) -> None:
+    assert compare(excerpt(terms[0], most), terms[0]) == 0
+    large = make_list([Atom("a")] * 100)
+    assert isinstance(large, Struct)
+    copied = excerpt(large, 2 * most)
+    for _ in range(most):
+        assert isinstance(copied, Struct)
+        assert isinstance(large, Struct)
+        assert copied is not large
+        copied, large = copied.args[1], large.args[1]
+    assert isinstance(copied, Struct)
+    assert isinstance(large, Struct)
+    assert copied.args is large.args
+
+
+@given(groups(1))
+def test_undoing_does_not_change_an_excerpt(terms: list[Term]) -> None:
+    trail: Trail = []
+    for variable in term_variables(terms[0]):
+        assert unify(variable, Atom("bound"), trail)
+    copied = excerpt(terms[0], 1_000)
+    before = copy_term(terms[0])
+    undo(trail, 0)
+    assert variant(copied, before)

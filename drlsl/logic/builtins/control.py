@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 from drlsl.logic.body import CALL, CONTROL, DET, callable_parts
 from drlsl.logic.builtins.arguments import check_partial_list, integer, prefix
@@ -11,7 +11,14 @@ from drlsl.logic.builtins.lists import check_result
 from drlsl.logic.builtins.registry import Machine as Builtins
 from drlsl.logic.builtins.registry import control, det, nondet
 from drlsl.logic.dcg import translate_body
-from drlsl.logic.errors import Halt, PrologError, error_from_term, instantiation_error, type_error
+from drlsl.logic.errors import (
+    Halt,
+    PrologError,
+    error_from_term,
+    instantiation_error,
+    representation_error,
+    type_error,
+)
 from drlsl.logic.solver import (
     FAIL,
     CatchPoint,
@@ -24,6 +31,7 @@ from drlsl.logic.solver import (
     leave_catch,
     leave_cleanup,
     start_generator,
+    told,
 )
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 from drlsl.logic.unify import copy_term, term_variables
@@ -45,7 +53,7 @@ def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Ta
         return start_generator(machine, target(machine, *args), continuation)
     except PrologError as error:
         if error.goal is None:
-            error.goal = Struct(name, args) if args else Atom(name)
+            error.goal = told(name, args)
         raise
 
 
@@ -64,7 +72,7 @@ def _construct(machine: Machine, task: Task) -> Task:
         following: Task = target(machine, args, continuation)
     except PrologError as error:
         if error.goal is None:
-            error.goal = Struct(name, args) if args else Atom(name)
+            error.goal = told(name, args)
         raise
     return following
 
@@ -207,6 +215,9 @@ for _arity in range(2, 10):
     control(">>", _arity)(_call_lambda)
 
 
+_HIGHEST_STATUS: Final = 2**31 - 1
+
+
 @det("halt", 0)
 def halt(_machine: Builtins) -> bool:
     raise Halt(0)
@@ -214,7 +225,10 @@ def halt(_machine: Builtins) -> bool:
 
 @det("halt", 1)
 def halt_with_status(_machine: Builtins, status: Term) -> bool:
-    raise Halt(integer(status))
+    code = integer(status)
+    if not -_HIGHEST_STATUS <= code <= _HIGHEST_STATUS:
+        raise representation_error("exit_status")
+    raise Halt(code)
 
 
 @nondet("repeat", 0)

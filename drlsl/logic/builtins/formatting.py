@@ -11,13 +11,14 @@ from drlsl.logic.builtins.arguments import prefix
 from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.strings import text
 from drlsl.logic.builtins.termio import emit, output_stream, pending_column, sink_maker
-from drlsl.logic.builtins.text import any_text, check_size
+from drlsl.logic.builtins.text import any_text, check_size, is_code, join
 from drlsl.logic.digits import decimal_digits
 from drlsl.logic.errors import (
     PrologError,
     error_from_term,
     existence_error,
     instantiation_error,
+    representation_error,
     resource_error,
 )
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
@@ -103,7 +104,7 @@ class _Format:
         self._put(template[end:])
         if self.used < len(self.arguments):
             raise _format_error("too many arguments")
-        return "".join(self.done) + self.segment
+        return join(self.machine, [*self.done, self.segment])
 
     def _put(self, piece: str) -> None:
         check_size(self.machine, self.segment, piece)
@@ -203,7 +204,10 @@ def _string(machine: Machine, value: Term, _count: int | None) -> str:
 
 
 def _codes(_machine: Machine, value: Term, count: int | None) -> str:
-    return chr(_integer("c", value)) * (1 if count is None else count)
+    code = _integer("c", value)
+    if not is_code(code):
+        raise representation_error("character_code")
+    return chr(code) * (1 if count is None else count)
 
 
 def _decimal(machine: Machine, value: int, places: int | None, group: str) -> str:

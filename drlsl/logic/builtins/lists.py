@@ -89,19 +89,30 @@ def free_variables(machine: Machine, scoped: Term, witness: Term, goal: Term) ->
     return machine.unify(witness, Struct("v", tuple(free)) if free else NIL) and machine.unify(goal, scope)
 
 
+# The time of two small copies.
+_STEPS_OF_PAIR = 16
+
+
 def _in_order(count: int) -> list[Var]:
     """Fresh variables, each of which precedes the next in the standard order."""
     return sorted((Var() for _ in range(count)), key=id)
 
 
+def _counted(machine: Machine, pairs: list[Struct]) -> Iterator[Struct]:
+    """Pairs whose witness and template are small, most often: copying these counts no steps of its own."""
+    for pair in pairs:
+        machine.meter.spend(_STEPS_OF_PAIR)
+        yield pair
+
+
 def _groups_by_witness(machine: Machine, pairs: list[Struct]) -> list[list[Struct]]:
     """Pairs whose witnesses are variants of each other, the groups in the order of the witnesses."""
-    variables = [term_variables(pair.args[0], machine.meter) for pair in pairs]
+    variables = [term_variables(pair.args[0], machine.meter) for pair in _counted(machine, pairs)]
     stand_ins = _in_order(max(map(len, variables), default=0))
     key_of = sort_key(iso=machine.flags.iso, meter=machine.meter)
     keyed = [
         (key_of(copy_term(pair.args[0], dict(zip(own, stand_ins, strict=False)), machine.meter)), pair)
-        for pair, own in zip(pairs, variables, strict=True)
+        for pair, own in zip(_counted(machine, pairs), variables, strict=True)
     ]
     keyed.sort(key=itemgetter(0))
     return [[pair for _, pair in group] for _, group in groupby(keyed, key=itemgetter(0))]
@@ -128,7 +139,7 @@ def solution_groups(
                 dict(zip(term_variables(pair.args[0]), variables, strict=True)),
                 machine.meter,
             )
-            for pair in group
+            for pair in _counted(machine, group)
         ]
         if deref(as_set) is TRUE:
             templates = without_repeats(machine, sorted_terms(machine, templates))

@@ -11,7 +11,7 @@ from typing import Final
 
 from drlsl.logic.builtins.arguments import attempt, items, prefix
 from drlsl.logic.builtins.registry import Machine, det, nondet
-from drlsl.logic.builtins.text import TRY, any_text, check_size, is_code, number_text, sub_text
+from drlsl.logic.builtins.text import TRY, any_text, check_size, is_code, join, number_text, sub_text
 from drlsl.logic.errors import PrologSyntaxError, domain_error, instantiation_error, type_error
 from drlsl.logic.reader import ReadTerm, parse_number, read_term
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
@@ -185,6 +185,7 @@ def split_string(machine: Machine, string: Term, separators: Term, pad: Term, pa
     A run of separators that are padding too counts as one.
     """
     given, split_at, strip = text(string, machine), text(separators, machine), text(pad, machine)
+    check_size(machine, given)
     rest = given.strip(strip) if strip else given
     pieces: list[Term] = []
     begin = 0
@@ -210,8 +211,8 @@ def _joined(machine: Machine, between: str, parts: list[Term]) -> str:
     texts: list[str] = []
     for part in parts:
         texts.append(_atomic_text(part, machine))
-        check_size(machine, texts[-1], between)
-    return between.join(texts)
+        machine.meter.spend(1)
+    return join(machine, texts, between)
 
 
 @det("atomic_list_concat", 3)
@@ -225,9 +226,9 @@ def atomic_list_concat_separated(machine: Machine, parts: Term, separator: Term,
         raise instantiation_error()
     if not between:
         raise domain_error("non_empty_atom", deref(separator))
-    pieces = _atomic_text(whole, machine).split(between)
-    machine.meter.make(len(pieces))
-    return machine.unify(parts, make_list(map(Atom, pieces)))
+    text = _atomic_text(whole, machine)
+    machine.meter.make(2 * text.count(between))  # an atom and a cell each
+    return machine.unify(parts, make_list(map(Atom, text.split(between))))
 
 
 def _read(machine: Machine, characters: Term) -> ReadTerm:

@@ -20,7 +20,7 @@ _LOWEST_BAR = 1001
 @det("op", 3)
 def op(machine: Machine, priority: Term, specifier: Term, names: Term) -> bool:
     """Define operators, or with priority 0 remove them. Source: ISO 13211-1 8.14.3."""
-    level, kind, atoms = _check_op(deref(priority), deref(specifier), deref(names))
+    level, kind, atoms = _check_op(machine, deref(priority), deref(specifier), deref(names))
     for name in atoms:
         _check_operator(machine.operators, level, kind, name)
     for name in atoms:
@@ -28,11 +28,13 @@ def op(machine: Machine, priority: Term, specifier: Term, names: Term) -> bool:
     return True
 
 
-def _check_op(priority: Term, specifier: Term, names: Term) -> tuple[int, str, list[str]]:
+def _check_op(machine: Machine, priority: Term, specifier: Term, names: Term) -> tuple[int, str, list[str]]:
     """The arguments of op/3 once they are known to be what the standard asks for, checked in its order."""
     if isinstance(priority, Var) or isinstance(specifier, Var) or isinstance(names, Var):
         raise instantiation_error()
-    elements, tail = ([names], NIL) if isinstance(names, Atom) and names is not NIL else prefix(names)
+    elements, tail = (
+        ([names], NIL) if isinstance(names, Atom) and names is not NIL else prefix(names, machine)
+    )
     elements = [deref(element) for element in elements]
     if isinstance(tail, Var) or any(isinstance(element, Var) for element in elements):
         raise instantiation_error()

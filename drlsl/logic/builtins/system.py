@@ -21,6 +21,7 @@ from drlsl.logic.errors import (
     instantiation_error,
     type_error,
 )
+from drlsl.logic.integers import check_division
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 from drlsl.logic.unify import compare, copy_term, term_variables
 
@@ -84,7 +85,8 @@ def _must_fit(machine: Machine, kind: Struct, term: Term) -> bool:
     if isinstance(term, Var):
         raise instantiation_error()
     if kind.name == "oneof" and len(kind.args) == 1:
-        if not any(compare(term, choice) == 0 for choice in items(kind.args[0])):
+        choices = items(kind.args[0], machine)
+        if not any(compare(term, choice, meter=machine.meter) == 0 for choice in choices):
             raise _outside(kind, term)
         return True
     if kind.name == "between" and len(kind.args) == 2:
@@ -139,7 +141,9 @@ def divmod_(machine: Machine, dividend: Term, divisor: Term, quotient: Term, res
     left, right = integer(dividend), integer(divisor)
     if right == 0:
         raise evaluation_error("zero_divisor")
-    return machine.unify(quotient, left // right) and machine.unify(rest, left % right)
+    check_division(left, right, machine.meter)
+    whole, left_over = divmod(left, right)
+    return machine.unify(quotient, whole) and machine.unify(rest, left_over)
 
 
 @det("statistics", 2)

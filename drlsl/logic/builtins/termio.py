@@ -294,6 +294,7 @@ def _end_output(machine: Solver, task: Task) -> Task:
     _, sink, make, buffer, before, height, continuation = task
     cut(machine, height)
     machine.output = before
+    machine.meter.text(buffer.tell())
     if not machine.unify(sink.args[0], make(machine, buffer.getvalue())):
         return FAIL
     next_task: Task = continuation

@@ -5,7 +5,7 @@ Where the flag ``iso`` is false, a number stands for its text wherever an atom i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from sys import getsizeof
 
 from drlsl.logic.builtins.arguments import attempt, prefix
@@ -79,6 +79,16 @@ def check_size(machine: Machine, *parts: str) -> None:
     machine.meter.text(sum(map(getsizeof, parts)))
 
 
+def join(machine: Machine, parts: Sequence[str], between: str = "") -> str:
+    """Texts with a text between them.
+
+    Raises:
+        LimitExceeded: There is no room for it.
+    """
+    machine.meter.text(sum(map(getsizeof, parts)) + getsizeof(between) * len(parts))
+    return between.join(parts)
+
+
 def concat(
     machine: Machine, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
 ) -> Iterator[bool]:
@@ -93,6 +103,8 @@ def concat(
             yield True
         return
     assert text is not None
+    if left is not None or right is not None:
+        check_size(machine, text)
     if left is not None:
         if text.startswith(left) and machine.unify(second, make(text[len(left) :])):
             yield True
@@ -144,10 +156,14 @@ def _places(
     """Start and end of each part that fits what is known, in order."""
     total = len(text)
     if known is not None:
-        start = text.find(known) if before is None else before if text.startswith(known, before) else -1
+        if before is not None:
+            if text.startswith(known, before):
+                yield before, before + len(known)
+            return
+        start = _found(machine, text, known, 0)
         while start >= 0:
             yield start, start + len(known)
-            start = text.find(known, start + 1) if before is None else -1
+            start = _found(machine, text, known, start + 1)
         return
     if before is not None and length is None and after is not None:
         length = total - before - after
@@ -166,6 +182,13 @@ def _places(
         for end in ends:
             if start <= end <= total:
                 yield start, end
+
+
+def _found(machine: Machine, text: str, part: str, start: int) -> int:
+    """Where a part begins in a text, from a place on; -1 where it does not."""
+    place = text.find(part, start)
+    machine.meter.spend(((len(text) if place < 0 else place) - start) // TRY)
+    return place
 
 
 @nondet("sub_atom", 5)
