@@ -185,7 +185,7 @@ class RunFolder:
             content = path.read_bytes()
             frame = pd.read_csv(io.BytesIO(content), keep_default_na=False, na_values={"loss": [""]})
         except (OSError, ValueError) as error:
-            raise UserError(f"{path}: cannot read the metrics: {error}") from error
+            raise UserError(f"{path}: cannot read the metrics: {str(error).strip()}") from error
         if sha256 not in (None, hashlib.sha256(content).hexdigest()):
             raise UserError(f"{path}: damaged: not the rows that the training wrote; put back a copy of it")
         missing = [name for name in METRIC_COLUMNS if name not in frame.columns]

@@ -95,7 +95,12 @@ class StudyFolder:
     @property
     def inputs(self) -> dict[str, Any]:
         """What the results depend on beside the settings."""
-        return _read_json(self.root / INPUTS, "put back a copy of it, or choose another --out")
+        path, advice = self.root / INPUTS, "put back a copy of it, or choose another --out"
+        inputs = _read_json(path, advice)
+        # A damaged name of the checksum makes it one input more.
+        if inputs.keys() != {"command", "digests"}:
+            raise UserError(f"{path}: expected command and digests, found {', '.join(inputs)}; {advice}")
+        return inputs
 
     @property
     def report(self) -> Path:
