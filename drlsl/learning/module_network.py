@@ -24,9 +24,8 @@ class RandomStream:
 
     def __init__(self, seed: int, device: torch.device) -> None:
         self._devices = [torch.cuda.current_device()] if device.type == "cuda" else []
-        with torch.random.fork_rng(self._devices):
-            torch.manual_seed(seed)
-            self._keep()
+        generators = [torch.Generator(), *(torch.Generator(device) for _ in self._devices)]
+        self._states = [generator.manual_seed(seed).get_state() for generator in generators]
 
     @contextmanager
     def in_place(self) -> Iterator[None]:
@@ -64,7 +63,7 @@ class ModuleNetwork:
     """
 
     def __init__(self, module: nn.Module, name: str, shape: Sequence[int], stream: RandomStream) -> None:
-        """A module whose observations have a shape, (S,) or (window, S); `name` is for messages."""
+        """Wrap a module whose observations have a shape, (S,) or (window, S); `name` is for messages."""
         self.module = module
         self._name = name
         self._shape = tuple(shape)
@@ -155,8 +154,7 @@ class ModuleNetwork:
         observations = (torch.arange(rows * size, dtype=torch.float64) * 0.6180339887).frac().float()
         self._set_mode(training=False)
         with RandomStream(0, device).in_place(), torch.no_grad():
-            values: torch.Tensor = self.module(observations.view(rows, *self._shape).to(device))
-        return values.cpu().clone()
+            return self._called(observations.to(device)).cpu().clone()
 
     def _set_mode(self, *, training: bool) -> None:
         if self.module.training != training:
@@ -165,9 +163,12 @@ class ModuleNetwork:
     def _run(self, observations: torch.Tensor, *, learning: bool) -> torch.Tensor:
         # What a module keeps of a pass would be of no use to autograd, were it made in inference mode.
         with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream.in_place():
-            with users_code(f"{self._name}: its forward pass fails"):
-                values: torch.Tensor = self.module(observations.view(-1, *self._shape))
-            return values
+            return self._called(observations)
+
+    def _called(self, observations: torch.Tensor) -> torch.Tensor:
+        with users_code(f"{self._name}: its forward pass fails"):
+            values: torch.Tensor = self.module(observations.view(-1, *self._shape))
+        return values
 
 
 def checked_module(made: object, name: str, shape: Sequence[int], actions: int) -> nn.Module:
@@ -190,6 +191,8 @@ def checked_module(made: object, name: str, shape: Sequence[int], actions: int) 
         raise UserError(f"{name}: its values depend on no parameter that learns")
     with users_code(f"{name}: its backward pass fails"):
         torch.autograd.backward(values, torch.ones_like(values))
+    if all(parameter.grad is None for parameter in double.parameters()):
+        raise UserError(f"{name}: its values depend on none of its parameters (are all layers attributes?)")
     return made
 
 

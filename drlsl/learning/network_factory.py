@@ -157,6 +157,9 @@ def _from_module(name: str, what: str) -> ModuleType:
 def _importable(folder: Path) -> Iterator[None]:
     """Let modules in a folder be imported, after those that are installed."""
     entry = str(folder.resolve())
+    if entry in sys.path:
+        yield
+        return
     sys.path.append(entry)
     try:
         yield

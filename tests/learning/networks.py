@@ -90,6 +90,18 @@ class Detached(nn.Linear):
         return super().forward(observations).detach()
 
 
+class Listed(nn.Linear):
+    """Learns in a layer that PyTorch does not know of, for it is in a list."""
+
+    def __init__(self, observation_size: int, actions: int) -> None:
+        super().__init__(observation_size, actions)
+        self.layers = [nn.Linear(observation_size, actions)]
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        values: torch.Tensor = self.layers[0](observations)
+        return values
+
+
 class Pair(nn.Linear):
     def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, None]:  # type: ignore[override]
         return super().forward(observations), None

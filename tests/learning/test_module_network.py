@@ -170,7 +170,9 @@ def test_every_learner_moves_and_carries_over(network: dict[str, Any], tmp_path:
         learner.update(batch)
         learner.act(observations, offered, 0.5)
     assert before.tolist() != learner.policy.values(observations).tolist()
+    learner.learning_rate = 0.02
     restored.set_state(copy.deepcopy(learner.get_state()))
+    assert restored.learning_rate == 0.02
     torch.rand(7)  # What others draw meanwhile changes nothing.
     for batch in batches[5:]:
         first = learner.update(batch)
@@ -203,6 +205,24 @@ def test_noise_is_there_in_training_and_not_in_what_is_stored() -> None:
     assert still.tolist() != one.tolist() != learner.policy.values(observations).tolist()
     other.network.set_state(learner.network.get_state())
     assert other.policy.values(observations).tolist() == still.tolist()
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_modes_are_those_of_training_and_of_driving(noisy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What has noise of its own drives in training mode too, for it explores by that."""
+    learner = agent({"factory": "dueling", "hidden": [8], "noisy": noisy})
+    modes: list[bool] = []
+    forward = architectures.Dueling.forward
+
+    def noted(module: architectures.Dueling, observations: torch.Tensor) -> torch.Tensor:
+        modes.append(module.training)
+        return forward(module, observations)
+
+    monkeypatch.setattr(architectures.Dueling, "forward", noted)
+    learner.act(np.zeros((1, SIZE), np.float32), masks(1, True, True, True), 0.0)
+    learner.update(random_batch(0))
+    # The target network is asked before the one that learns.
+    assert modes == [noisy, noisy, True]
 
 
 def test_a_gradient_that_is_not_finite_leaves_the_weights() -> None:

@@ -41,6 +41,7 @@ def refused(capsys: pytest.CaptureFixture[str], factory: str, *more: str) -> str
         ("double", "parameter weight is torch.float64, expected torch.float32"),
         ("narrow", "expected values of torch.float32 and shape (1, 3), got torch.float32 of shape (1, 4)"),
         ("squeezed", "expected values of torch.float32 and shape (1, 3), got torch.float32 of shape (3,)"),
+        ("Listed", "its values depend on none of its parameters (are all layers attributes?)"),
         ("Pair", "shape (1, 3), got a tuple"),
         (
             "other_input",

@@ -5,10 +5,17 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
-from drlsl.study.folder import StudyFolder
-from drlsl.study.plan import Run, Task, make_study, preset_study
+from drlsl.config import merged
+from drlsl.errors import UserError
+from drlsl.study.folder import StudyFolder, digest
+from drlsl.study.plan import Run, StudyConfig, Task, make_study, preset_study
 from drlsl.study.results import collect
 from drlsl.study.tasks import inputs_of, perform
+from tests.learning import networks
+
+from . import fake
+
+WIDE = f"{networks.__name__}:wide"
 
 TINY = {
     "seeds": 1,
@@ -81,3 +88,15 @@ def test_inputs_name_every_rule_file_and_recording() -> None:
         "recording freeway",
     }
     assert len(set(digests.values())) == len(digests)
+
+
+def test_inputs_name_the_file_of_a_network_of_the_users_own() -> None:
+    def with_factory(name: str) -> StudyConfig:
+        return make_study(
+            merged(fake.study().model_dump(mode="json"), {"train": {"network": {"factory": name}}}), "test"
+        )
+
+    plain, own = (inputs_of(study)["digests"] for study in (fake.study(), with_factory(WIDE)))
+    assert own.items() - plain.items() == {(f"network {WIDE}", digest([Path(networks.__file__)]))}
+    with pytest.raises(UserError, match=r"network\.factory nets\.py:make: no file nets\.py"):
+        inputs_of(with_factory("nets.py:make"))
