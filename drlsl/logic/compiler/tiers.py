@@ -17,8 +17,9 @@ from drlsl.logic.terms import Struct, deref
 PATIENCE: Final = 8.0
 """Calls by the plain solver in which compiling one node of a clause's term would have paid for itself."""
 
-# Smaller predicates than this are not worth being measured.
-_SMALL: Final = 16
+# Compiling costs as much as it does of so many nodes however few there are, so smaller predicates are not
+# worth being measured.
+_SMALL: Final = 64
 _MOST_CLAUSES: Final = 40
 _LARGEST_CLAUSE: Final = 10_000
 _DEEPEST_CLAUSE: Final = 60
