@@ -1,8 +1,7 @@
 """A Q-network that is any PyTorch module, learning by autograd."""
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Self
 
 import torch
@@ -20,29 +19,31 @@ NEAR: Final = {"rtol": 1e-3, "atol": 1e-4}
 
 
 class RandomStream:
-    """A stream of its own of PyTorch's global random numbers, in place while a module is at work."""
+    """A stream of its own of PyTorch's global random numbers, in place while a module is at work.
+
+    As a context manager it is what PyTorch's global generators draw from meanwhile.
+    """
 
     def __init__(self, seed: int, device: torch.device) -> None:
         self._devices = [torch.cuda.current_device()] if device.type == "cuda" else []
         generators = [torch.Generator(), *(torch.Generator(device) for _ in self._devices)]
         self._states = [generator.manual_seed(seed).get_state() for generator in generators]
 
-    @contextmanager
-    def in_place(self) -> Iterator[None]:
-        """Draw from here what is drawn from PyTorch's global generators meanwhile."""
-        with torch.random.fork_rng(self._devices):
-            self._put()
-            try:
-                yield
-            finally:
-                self._keep()
+    def __enter__(self) -> None:
+        # Not fork_rng: what it does besides would take as long as a layer.
+        self._outer = self._global_states()
+        self._put(self._states)
 
-    def _keep(self) -> None:
-        self._states = [torch.get_rng_state(), *(torch.cuda.get_rng_state(one) for one in self._devices)]
+    def __exit__(self, *exception: object) -> None:
+        self._states = self._global_states()
+        self._put(self._outer)
 
-    def _put(self) -> None:
-        torch.set_rng_state(self._states[0])
-        for device, state in zip(self._devices, self._states[1:], strict=True):
+    def _global_states(self) -> list[torch.Tensor]:
+        return [torch.get_rng_state(), *(torch.cuda.get_rng_state(one) for one in self._devices)]
+
+    def _put(self, states: Sequence[torch.Tensor]) -> None:
+        torch.set_rng_state(states[0])
+        for device, state in zip(self._devices, states[1:], strict=True):
             torch.cuda.set_rng_state(state, device)
 
     def get_state(self) -> list[torch.Tensor]:
@@ -65,6 +66,7 @@ class ModuleNetwork:
     def __init__(self, module: nn.Module, name: str, shape: Sequence[int], stream: RandomStream) -> None:
         """Wrap a module whose observations have a shape, (S,) or (window, S); `name` is for messages."""
         self.module = module
+        self._parameters = list(module.parameters())
         self._name = name
         self._shape = tuple(shape)
         self._stream = stream
@@ -90,12 +92,12 @@ class ModuleNetwork:
 
     def optimiser(self) -> ModuleAdam:
         """Make the optimiser of this network."""
-        return ModuleAdam(self.module.parameters())
+        return ModuleAdam(self._parameters)
 
     def draw_noise(self) -> None:
         """Draw the noise of the parts that have any."""
         if self._noise:
-            with torch.inference_mode(False), torch.no_grad(), self._stream.in_place():
+            with torch.inference_mode(False), torch.no_grad(), self._stream:
                 for part in self._noise:
                     with users_code(f"{self._name}: its reset_noise() fails"):
                         part.reset_noise()
@@ -115,7 +117,7 @@ class ModuleNetwork:
         self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
     ) -> None:
         """Write a loss's gradient, whose derivative in each Q-value is `slopes`, into the parameters' own."""
-        for parameter in self.module.parameters():
+        for parameter in self._parameters:
             parameter.grad = None
         with torch.inference_mode(False), users_code(f"{self._name}: its backward pass fails"):
             torch.autograd.backward(outputs[-1], slopes.clone())
@@ -149,11 +151,11 @@ class ModuleNetwork:
     def _answers(self) -> torch.Tensor:
         """What the module answers to a few observations in evaluation mode, with always the same noise."""
         rows, size = ROWS[-1], torch.Size(self._shape).numel()
-        device = next(self.module.parameters()).device
+        device = self._parameters[0].device
         # Spread over [0, 1] by multiples of the golden ratio, the same with every version of PyTorch.
         observations = (torch.arange(rows * size, dtype=torch.float64) * 0.6180339887).frac().float()
         self._set_mode(training=False)
-        with RandomStream(0, device).in_place(), torch.no_grad():
+        with RandomStream(0, device), torch.no_grad():
             return self._called(observations.to(device)).cpu().clone()
 
     def _set_mode(self, *, training: bool) -> None:
@@ -162,7 +164,7 @@ class ModuleNetwork:
 
     def _run(self, observations: torch.Tensor, *, learning: bool) -> torch.Tensor:
         # What a module keeps of a pass would be of no use to autograd, were it made in inference mode.
-        with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream.in_place():
+        with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream:
             return self._called(observations)
 
     def _called(self, observations: torch.Tensor) -> torch.Tensor:

@@ -1,7 +1,7 @@
 """The Q-network: observations in, one value per action out.
 
 Any module learns by autograd (module_network.py). The paper's network has its gradient written out here, for
-that is a fifth faster: docs/training.md, Speed.
+by autograd an update takes 1.4 times as long: docs/training.md, Speed.
 """
 
 import itertools
@@ -262,7 +262,7 @@ def _module_network(
     name = f"network.factory {config.factory}"
     shape = (observation_size,) if config.window == 1 else (config.window, observation_size)
     stream = RandomStream(int(torch.randint(2**62, (), generator=generator)), device)
-    with stream.in_place():
+    with stream:
         made: object
         if config.built_in:
             shape = (config.window * observation_size,)
