@@ -54,6 +54,14 @@ def test_the_paper_preset_prints_the_papers_target() -> None:
     assert paper == make_config(expected, "test")
 
 
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=5,
+)
+"""Values that a file may hold."""
+
+
 def test_presets_ship_and_hold() -> None:
     assert preset_names() == ["paper", "quick", "tiny"]
     for name in preset_names():
@@ -71,6 +79,11 @@ def test_presets_ship_and_hold() -> None:
             "method": st.sampled_from(["dqn", "mpsdqn", "dqnsl"]),
             "network": st.builds(
                 lambda widths: {"hidden": widths}, st.lists(st.integers(1, 4096), min_size=1, max_size=8)
+            )
+            | st.builds(
+                lambda path, arguments: {"factory": f"{path}.py:make", "arguments": arguments},
+                st.text(st.characters(exclude_categories=("C", "Z")), min_size=1),
+                st.dictionaries(st.text(), PLAIN, max_size=3),
             ),
             "schedule": st.fixed_dictionaries(
                 {}, optional={"epsilon_end": st.floats(0, 1), "learning_rate_end": st.floats(1e-300, 1)}
