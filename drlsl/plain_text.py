@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from drlsl.errors import UserError
-from drlsl.logic.consult import LARGEST_FILE
-from drlsl.logic.values import to_plain
+from drlsl.logic import to_plain
+from drlsl.logic.loading import LARGEST_FILE
 
 MOST_DIGITS: Final = 400
 """Digits of the longest integer in JSON: no float is as large as one with more."""

@@ -11,7 +11,7 @@ import atheris
 with atheris.instrument_imports(include=["drlsl.logic"]):
     import targets
 
-    from drlsl.logic.compiler import tiers
+    from drlsl.logic.jit import tiering as tiers
 
 
 def one_input(data: bytes) -> None:

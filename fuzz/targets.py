@@ -5,9 +5,8 @@ from __future__ import annotations
 import io
 
 from drlsl.logic import Engine, Halt, Limits, PrologError
-from drlsl.logic.flags import Flags
-from drlsl.logic.operators import Operators
-from drlsl.logic.reader import read_term, read_terms
+from drlsl.logic.syntax import Flags, read_term, read_terms
+from drlsl.logic.terms import Operators
 
 LIMITS = Limits(inferences=20_000, seconds=5.0)
 # How many solutions are asked for, at most.

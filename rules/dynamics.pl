@@ -144,7 +144,7 @@ violates(opposite_is_least) :-
 
 % ---------------------------------------------------------------------------------------------------- following
 
-% A step: the ego comes to a speed by constant acceleration, as drlsl.driving.simulation.control.move_forward has it, and at most by 8 m/s2.
+% A step: the ego comes to a speed by constant acceleration, as drlsl.driving.simulation.controllers.move_forward has it, and at most by 8 m/s2.
 % A vehicle ahead that brakes by 8 m/s2 all the time stops V * V / 16 further on; one that brakes less stops further on still, and
 % has come at least (V * V - U * U) / 16 when it is as fast as U: both follow from front_comes_so_far. A vehicle that comes the other
 % way is one that stands where it will stop. That place is no nearer than spec_leader/4 has it at any moment from its response on:

@@ -14,8 +14,8 @@ from drlsl.benchmarks import array_facts, random_scenes
 from drlsl.driving.scene import SCHEMA, SceneBatch
 from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, query_of
 from drlsl.logic import Engine
-from drlsl.logic.lowering.lower import lower
-from drlsl.logic.lowering.numpy_backend import ArrayProgram, compile_numpy
+from drlsl.lowering.backends import ArrayProgram, compile_numpy
+from drlsl.lowering.frontend import lower
 
 RULES = Path(__file__).parents[1] / "rules"
 VEHICLES = 40

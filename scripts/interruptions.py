@@ -23,7 +23,7 @@ from typing import Any
 
 import torch
 
-from drlsl.learning.checkpoint import Kind, load_state
+from drlsl.learning import Kind, load_state
 
 SETTINGS: dict[str, Any] = {
     "checkpoint_every": 3,

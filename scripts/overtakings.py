@@ -167,10 +167,7 @@ def _places(mask: Mask) -> Iterator[int]:
 
 def trained(run: Path, config: EnvConfig) -> Choice:
     """The policy of a run folder, greedy among what is offered."""
-    from drlsl.learning.dqn import greedy_choice
-    from drlsl.learning.evaluation import make_evaluation_env
-    from drlsl.learning.rundir import RunFolder
-    from drlsl.learning.session import load_policy
+    from drlsl.learning import RunFolder, greedy_choice, load_policy, make_evaluation_env
 
     policy = load_policy(RunFolder.open(run), make_evaluation_env(config))
 

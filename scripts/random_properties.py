@@ -21,9 +21,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from drlsl.verify import Case, Prover, Task
 from drlsl.verify.attack import Orders, attack
-from drlsl.verify.prove import Prover, Task
-from drlsl.verify.ranges import Case
 from tests.verify.random_properties import RULES, random_program
 
 CASE: Final = Case(0, 2, 1, 1)

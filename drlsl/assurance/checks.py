@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
-from drlsl.assurance.rows import Staging
+from drlsl.assurance.case_rows import Staging
 from drlsl.driving import shield
 from drlsl.driving.explain import SECTIONS
 from drlsl.driving.scene import Scene
 from drlsl.logic import Compound
-from drlsl.logic.lowering.lower import Mode
+from drlsl.lowering.frontend import Mode
 
 Solutions: TypeAlias = Sequence[Mapping[str, Any]]
 

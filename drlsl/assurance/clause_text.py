@@ -8,12 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final
 
-from drlsl.logic.flags import Flags
-from drlsl.logic.goals import BUILTIN_ARGUMENTS
-from drlsl.logic.operators import Operators
-from drlsl.logic.program import Clause, Program
-from drlsl.logic.reader import ReadTerm, Source
-from drlsl.logic.tokens import (
+from drlsl.logic.core import BUILTIN_ARGUMENTS, Clause, Program
+from drlsl.logic.syntax import (
     FRACTION,
     INTEGER,
     LETTER_OPEN,
@@ -24,9 +20,13 @@ from drlsl.logic.tokens import (
     VARIABLE,
     WORD,
     WORD_OPEN,
+    Flags,
+    ReadTerm,
+    Source,
     Token,
     Tokens,
 )
+from drlsl.logic.terms import Operators
 
 CONTROL: Final = frozenset({",", ";", "->", "*->", "|"})
 """What stands between goals."""

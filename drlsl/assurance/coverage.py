@@ -10,16 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from drlsl.assurance.asking import WRONG, Interpreter
+from drlsl.assurance.answers import WRONG, Interpreter
 from drlsl.assurance.checks import Case
 from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
-from drlsl.logic.body import callable_parts
-from drlsl.logic.builtins.database import split_clause
-from drlsl.logic.goals import BUILTIN_ARGUMENTS
-from drlsl.logic.program import Clause
-from drlsl.logic.reader import ReadTerm
+from drlsl.logic.builtins import split_clause
+from drlsl.logic.core import BUILTIN_ARGUMENTS, Clause, callable_parts
+from drlsl.logic.syntax import ReadTerm
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, deref
 
 _FAIL: Final = Atom("fail")

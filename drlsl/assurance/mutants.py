@@ -13,8 +13,8 @@ from itertools import pairwise
 from typing import Any, Final, TypeAlias
 
 from drlsl.assurance.clause_text import Call, ClauseText, Range
-from drlsl.logic.tokens import FRACTION, INTEGER, SYMBOL, SYMBOL_OPEN, VARIABLE, WORD, WORD_OPEN
-from drlsl.logic.unify import copy_term, undo, unify
+from drlsl.logic.core import copy_term, undo, unify
+from drlsl.logic.syntax import FRACTION, INTEGER, SYMBOL, SYMBOL_OPEN, VARIABLE, WORD, WORD_OPEN
 
 Edit: TypeAlias = tuple[int, int, str]
 """Start and end of a stretch of a source, and what stands there instead."""

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from drlsl.assurance.asking import (
+from drlsl.assurance.answers import (
     WRONG,
     Asker,
     Generated,
@@ -28,11 +28,11 @@ from drlsl.assurance.witness import Search, Witness, changed
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits, PrologError
-from drlsl.logic.builtins.database import split_clause
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.program import Clause
-from drlsl.logic.reader import read_term
+from drlsl.logic.builtins import split_clause
+from drlsl.logic.core import Clause
+from drlsl.logic.syntax import read_term
 from drlsl.logic.terms import Atom, Struct, Term, deref
+from drlsl.lowering.ir import NotLowerable
 
 LIMITS: Final = Limits(inferences=300_000)
 """What one question may cost a mutant; the rules need a hundredth of it."""

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from drlsl.assurance.rows import Row
+from drlsl.assurance.case_rows import Row
 from drlsl.assurance.yaml_file import read_yaml
 
 SUFFIX: Final = ".mutants.yaml"

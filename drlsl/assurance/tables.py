@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
+from drlsl.assurance.case_rows import EgoRow, Layout, RoadRow, Row, Staging, VehicleRow
 from drlsl.assurance.checks import (
     ACTIONS,
     ENTRY,
@@ -26,7 +27,6 @@ from drlsl.assurance.checks import (
     Question,
     Solves,
 )
-from drlsl.assurance.rows import EgoRow, Layout, RoadRow, Row, Staging, VehicleRow
 from drlsl.assurance.yaml_file import YamlFile, read_yaml
 from drlsl.driving.scene import EGO, Action
 from drlsl.errors import UserError

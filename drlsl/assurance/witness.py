@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
-from drlsl.assurance.asking import WRONG, Asker, first_line
+from drlsl.assurance.answers import WRONG, Asker, first_line
+from drlsl.assurance.case_rows import BoxRow, EgoRow, Staging, VehicleRow
 from drlsl.assurance.checks import Question, alike, shown
-from drlsl.assurance.rows import BoxRow, EgoRow, Staging, VehicleRow
 
 SCENES: Final = 60
 SEED: Final = 0

@@ -32,10 +32,8 @@ from drlsl.driving.scene import (
 )
 from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, default_rules, query_of
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import BatchProgram, Rows, TextProgram
-from drlsl.logic.lowering.lower import Lowered, lower
-from drlsl.logic.lowering.numpy_backend import compile_numpy
-from drlsl.logic.lowering.scalar import compile_scalar
+from drlsl.lowering.backends import BatchProgram, Rows, TextProgram, compile_numpy, compile_scalar
+from drlsl.lowering.frontend import Lowered, lower
 from drlsl.traffic import Direction, Lane, cache_folder
 
 QUERIES: Final = tuple(query_of(one, ordered=True) for one in (ACTIONS, FREE, SPEED, STATE))
@@ -162,10 +160,10 @@ def _array_programs(lowered: Lowered) -> Iterator[tuple[str, BatchProgram[Any]]]
     yield "numpy", compile_numpy(lowered)
     yield "numpy_float32", compile_numpy(lowered, "float32")
     if find_spec("numba"):
-        from drlsl.logic.lowering.numba_backend import compile_numba
+        from drlsl.lowering.backends import compile_numba
 
         yield "numba", compile_numba(lowered, cache_folder() / "rules")
-    from drlsl.logic.lowering.torch_backend import compile_torch
+    from drlsl.lowering.backends import compile_torch
 
     yield "torch", compile_torch(lowered)
 

@@ -14,9 +14,7 @@ import torch
 
 from drlsl import driving
 from drlsl.config import TrainConfig, make_config, merged, preset_values
-from drlsl.learning.fleet import VectorHighway, space_sizes
-from drlsl.learning.session import make_training_env
-from drlsl.learning.trainer import Trainer, make_learner
+from drlsl.learning import Trainer, VectorHighway, make_learner, make_training_env, space_sizes
 
 UPDATES: Final = 128
 """Updates of one kind before it is another kind's turn."""

@@ -13,9 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from drlsl.learning.evaluation import ShieldState
-    from drlsl.learning.fleet import VectorHighway
-    from drlsl.learning.rundir import RunFolder
+    from drlsl.learning import RunFolder, ShieldState, VectorHighway
 
 ROWS: Sequence[tuple[str, str, str]] = (
     ("lane changes", "lane_changes", "d"),
@@ -68,8 +66,7 @@ def evaluate(
     from rich.console import Console
 
     from drlsl.config import make_config, merged
-    from drlsl.learning.evaluation import make_evaluation_env
-    from drlsl.learning.rundir import RunFolder
+    from drlsl.learning import RunFolder, make_evaluation_env
 
     folder = RunFolder.open(run)
     flags = {
@@ -108,8 +105,7 @@ def evaluate_run(
     """Evaluate a run's policy in `env`, show progress on a terminal, keep the result in the run folder."""
     from rich.progress import Progress
 
-    from drlsl.learning.evaluation import EVALUATION_KEY, as_record, drive
-    from drlsl.learning.session import load_policy
+    from drlsl.learning import EVALUATION_KEY, as_record, drive, load_policy
 
     place = env_config or folder.config.env.model_dump(mode="json")
     policy = load_policy(folder, env)

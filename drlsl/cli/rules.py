@@ -14,8 +14,8 @@ from drlsl.cli import rules_test, verify
 
 if TYPE_CHECKING:
     from drlsl.logic import Engine
-    from drlsl.logic.lowering.check import PredicateReport, Report
-    from drlsl.logic.lowering.lower import Lowered, Query
+    from drlsl.lowering import PredicateReport, Report
+    from drlsl.lowering.frontend import Lowered, Query
 
 app = typer.Typer(
     help="Check, test and verify rule programs, and show the code they become.", no_args_is_help=True
@@ -41,7 +41,7 @@ def check(files: Files = None) -> None:
     """Say which tiers can run each predicate, and what looks wrong; the status is 1 where something does."""
     from drlsl.driving.scene import SCHEMA
     from drlsl.driving.shield import ASKED
-    from drlsl.logic.lowering.check import check_program
+    from drlsl.lowering import check_program
 
     report = check_program(_load(files), SCHEMA, ASKED)
     _print_report(report)
@@ -107,8 +107,8 @@ def show(
     from drlsl.driving.scene import SCHEMA
     from drlsl.driving.shield import ASKED, ENTRY, query_of
     from drlsl.errors import UserError
-    from drlsl.logic.lowering.errors import NotLowerable
-    from drlsl.logic.lowering.lower import lower
+    from drlsl.lowering.frontend import lower
+    from drlsl.lowering.ir import NotLowerable
 
     engine = _load(files)
     asked = [query for query in ASKED if query != query_of(ENTRY)]
@@ -122,14 +122,14 @@ def show(
 
 def _source(tier: Tier, lowered: Lowered) -> str:
     if tier is Tier.SCALAR:
-        from drlsl.logic.lowering.scalar import scalar_source
+        from drlsl.lowering.backends import scalar_source
 
         return scalar_source(lowered)
     if tier is Tier.NUMBA:
-        from drlsl.logic.lowering.numba_backend import numba_source
+        from drlsl.lowering.backends import numba_source
 
         return numba_source(lowered)
-    from drlsl.logic.lowering.numpy_backend import numpy_source
+    from drlsl.lowering.backends import numpy_source
 
     return numpy_source(lowered)
 
@@ -146,7 +146,7 @@ def shell(files: Files = None) -> None:
 
 def _query(goal: str) -> Query:
     from drlsl.errors import UserError
-    from drlsl.logic.lowering.lower import Query
+    from drlsl.lowering.frontend import Query
 
     name, _, arity = goal.rpartition("/")
     if not name or not arity.isdigit():

@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from drlsl.assurance.coverage import Coverage
-    from drlsl.assurance.mutation import Score, Verdict
-    from drlsl.assurance.running import Outcome
-    from drlsl.assurance.witness import Witness
+    from drlsl.assurance import Coverage, Outcome, Score, Verdict, Witness
 
 
 class ArrayTier(StrEnum):
@@ -62,11 +59,7 @@ def run_tables(
     """
     from rich.console import Console
 
-    from drlsl.assurance.coverage import measure
-    from drlsl.assurance.mutation import score
-    from drlsl.assurance.running import run_cases
-    from drlsl.assurance.survivors import reasons_of
-    from drlsl.assurance.tables import load_table, tables_of
+    from drlsl.assurance import load_table, measure, reasons_of, run_cases, score, tables_of
     from drlsl.driving.shield import Shield, default_rules, rule_file
     from drlsl.errors import UserError
 

@@ -9,13 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from drlsl.logic import Engine, Halt, Limits, PrologError
-from drlsl.logic.builtins import registry
-from drlsl.logic.consult import find_file
-from drlsl.logic.reader import ReadTerm, is_complete, read_term
-from drlsl.logic.solver import FOUND, Machine
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
-from drlsl.logic.unify import term_variables
-from drlsl.logic.writer import format_term
+from drlsl.logic.core import FOUND, Machine, builtin_indicators, term_variables
+from drlsl.logic.loading import find_file
+from drlsl.logic.syntax import ReadTerm, is_complete, read_term
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, format_term
 
 _PROMPT = "?- "
 _CONTINUE = "|  "
@@ -227,7 +224,7 @@ def _line_editing(engine: Engine) -> Iterator[None]:
 
 def _completer(engine: Engine) -> Callable[[str, int], str | None]:
     def complete(text: str, index: int) -> str | None:
-        known = {*engine.program.predicates, *registry.DET, *registry.NONDET, *registry.CONTROL}
+        known = {*engine.program.predicates, *builtin_indicators()}
         names = sorted({name for name, _ in known if name.startswith(text) and name.isidentifier()})
         return names[index] if index < len(names) else None
 

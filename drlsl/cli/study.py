@@ -17,10 +17,7 @@ from drlsl.errors import UserError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from drlsl.study.folder import StudyFolder
-    from drlsl.study.plan import StudyConfig
-    from drlsl.study.schedule import Progress
-    from drlsl.study.workers import Workers
+    from drlsl.study import Progress, StudyConfig, StudyFolder, Workers
 
 PRESET = "smoke"
 """What a study without --preset and --config is."""
@@ -69,8 +66,7 @@ def study(
     The folder tells what is done: after Ctrl-C, a crash or kill -9 the same command goes on where it stopped.
     A run that fails is tried once more, and then reported. The report lies in the folder's report/.
     """
-    from drlsl.study.folder import StudyFolder
-    from drlsl.study.plan import dump_study
+    from drlsl.study import StudyFolder, dump_study
 
     root = out or Path("runs") / f"study-{preset or (config.stem if config else PRESET)}"
     if report_only:
@@ -95,8 +91,7 @@ def _chosen(
     test: list[str] | None,
 ) -> StudyConfig:
     """The study that the flags mean; without any, the one in the folder."""
-    from drlsl.study.folder import STUDY, StudyFolder
-    from drlsl.study.plan import load_study, preset_study, with_changes
+    from drlsl.study import STUDY, StudyFolder, load_study, preset_study, with_changes
 
     if preset and config:
         raise UserError("--preset and --config: give one of them")
@@ -109,7 +104,7 @@ def _chosen(
 
 def _inputs(chosen: StudyConfig) -> dict[str, Any]:
     """The command, and what the results depend on beside the settings."""
-    from drlsl.study.tasks import inputs_of
+    from drlsl.study import inputs_of
 
     return {"command": shlex.join(["drlsl", *sys.argv[1:]]), **inputs_of(chosen)}
 
@@ -117,7 +112,7 @@ def _inputs(chosen: StudyConfig) -> dict[str, Any]:
 def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
     from rich.console import Console
 
-    from drlsl.study.schedule import work
+    from drlsl.study import work
 
     console = Console(stderr=True)
     with stop_on_signal(console.print) as stop:
@@ -133,23 +128,21 @@ def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
 
 
 def _workers(folder: StudyFolder, jobs: int | None, ray: str | None) -> Workers:
-    from drlsl.study.local import LocalWorkers
-    from drlsl.study.machine import cores
-    from drlsl.study.tasks import perform
+    from drlsl.study import LocalWorkers, cores, perform
 
     if ray is None:
         return LocalWorkers(folder, perform, jobs or cores())
     if jobs is not None:
         raise UserError("--jobs is for this machine; with --ray the cluster's processors decide")
     try:
-        from drlsl.study.cluster import RayWorkers
+        from drlsl.study import RayWorkers
     except ImportError as error:
         raise UserError("--ray needs the extra 'ray': pip install 'drlsl[ray]'") from error
     return RayWorkers(folder, perform, ray)
 
 
 def _report(folder: StudyFolder) -> None:
-    from drlsl.study.report import write_report
+    from drlsl.study import write_report
 
     out = write_report(folder)
     typer.echo(f"report in {out}: report.md, report.html, tables/*.csv, figures/*.png")

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from drlsl.config import TrainConfig
-    from drlsl.learning.session import Session
-    from drlsl.learning.trainer import StepEvent
+    from drlsl.learning import Session, StepEvent
 
 RUNS = Path("runs")
 """Where a run without --out is put."""
@@ -157,8 +156,7 @@ def _effective_config(preset: str | None, file: Path | None, given: Mapping[str,
 
 
 def _start(out: Path | None, config: TrainConfig, force: bool) -> Session:
-    from drlsl.learning.rundir import next_free_folder
-    from drlsl.learning.session import Session
+    from drlsl.learning import Session, next_free_folder
 
     root = out or next_free_folder(RUNS, f"{config.method}-seed{config.seed}")
     return Session.start(root, config, force=force)
@@ -166,8 +164,7 @@ def _start(out: Path | None, config: TrainConfig, force: bool) -> Session:
 
 def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool) -> Session:
     from drlsl.config import make_config, merged
-    from drlsl.learning.rundir import RunFolder
-    from drlsl.learning.session import Session
+    from drlsl.learning import RunFolder, Session
 
     if out is None:
         raise UserError("--resume: name the run to go on with by --out")
@@ -214,7 +211,7 @@ def _run(session: Session, console: Console, stop: Stop) -> bool:
 
 def _evaluate_briefly(session: Session, console: Console) -> None:
     from drlsl.cli.evaluate import evaluate_run, evaluation_table
-    from drlsl.learning.evaluation import make_evaluation_env
+    from drlsl.learning import make_evaluation_env
 
     config = session.folder.config
     count = config.evaluation.episodes_after_training

@@ -16,7 +16,7 @@ import typer
 from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
-    from drlsl.verify.report import Report, Request, Result
+    from drlsl.verify import Report, Request, Result
 
 
 class Solver(StrEnum):
@@ -70,9 +70,9 @@ def verify(
         raise UserError("proofs need z3-solver: pip install 'drlsl[verify]'")
     if solver is not Solver.Z3 and find_spec("cvc5") is None:
         raise UserError(f"--solver {solver.value} needs cvc5: pip install 'drlsl[cvc5]'")
+    from drlsl.verify import Request
+    from drlsl.verify import verify as run
     from drlsl.verify.attack import SCENES
-    from drlsl.verify.report import Request
-    from drlsl.verify.report import verify as run
 
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")
@@ -124,8 +124,7 @@ def _as_json(report: Report, request: Request) -> dict[str, object]:
 
 def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
     """What a person reads."""
-    from drlsl.verify.prove import Status
-    from drlsl.verify.ranges import NAMES
+    from drlsl.verify import NAMES, Status
 
     for result in report.results:
         yield f"{result.status:<8} {result.name:<24} {_extent(result):<24} {result.seconds:8.1f} s"
@@ -212,7 +211,7 @@ def _scene_lines(result: Result, out: Path | None) -> Iterator[str]:
 
 def _write_scenes(request: Request, report: Report, out: Path) -> None:
     """A scene file and a picture for every counterexample."""
-    from drlsl.verify.gallery import write_counterexample
+    from drlsl.verify import write_counterexample
 
     refuted = [result for result in report.results if result.counterexample is not None]
     out.mkdir(parents=True)

@@ -11,10 +11,10 @@ from drlsl.cli.failures import failures_as_errors
 from drlsl.plain_text import printable, to_json
 
 if TYPE_CHECKING:
+    from drlsl.counterfactual import Answer, Change, Finding
     from drlsl.driving.explain import Objection
     from drlsl.driving.scene import Action, Scene
     from drlsl.driving.shield import Shield
-    from drlsl.verify.whatif import Answer, Change, Finding
 
 
 def print_what_if(
@@ -39,8 +39,8 @@ def print_what_if(
     actions = _actions(names)
     if out is not None and out.exists():
         raise UserError(f"{out} exists; name a new folder for the scenes")
+    from drlsl.counterfactual import what_if
     from drlsl.driving.explain import objections_to
-    from drlsl.verify.whatif import what_if
 
     with failures_as_errors():
         answers = what_if(shield, scene, actions, time_limit=time_limit)

@@ -1,4 +1,4 @@
-"""Deep Q-learning with a shield."""
+"""The learner: replay, networks, DQN, the trainer, evaluation and the folders of runs."""
 
 import lazy_loader
 

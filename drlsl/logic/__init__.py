@@ -7,7 +7,7 @@ engine.consult_text("parent(ada, byron). parent(byron, clara).")
 [solution["X"] for solution in engine.query("parent(X, _)")]
 """
 
-from drlsl.logic.consult import ConsultError, LoadWarning
+from drlsl.logic.conversion import Compound, Solution, String, Variable, to_plain
 from drlsl.logic.engine import Engine, Query
 from drlsl.logic.errors import (
     DomainError,
@@ -23,7 +23,7 @@ from drlsl.logic.errors import (
     ResourceError,
 )
 from drlsl.logic.limits import LimitExceeded, Limits
-from drlsl.logic.values import Compound, Solution, String, Variable
+from drlsl.logic.loading import ConsultError, LoadWarning
 
 __all__ = [
     "Compound",
@@ -47,4 +47,5 @@ __all__ = [
     "Solution",
     "String",
     "Variable",
+    "to_plain",
 ]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any, Final, TypeAlias
 
-from drlsl.logic.parser import ReadTerm
-from drlsl.logic.program import Clause
+from drlsl.logic.core import Clause
+from drlsl.logic.syntax import ReadTerm
 from drlsl.logic.terms import Struct, Term, Var
 
 Place: TypeAlias = int

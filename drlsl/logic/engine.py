@@ -13,25 +13,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeAlias
 
 from drlsl.logic import builtins
-from drlsl.logic.body import callable_parts
-from drlsl.logic.builtins import registry
-from drlsl.logic.builtins.database import name_term
+from drlsl.logic.builtins import name_term
 from drlsl.logic.carry import TermTable, get_clause, put_clause
-from drlsl.logic.consult import Loader, LoadWarning, read_source
+from drlsl.logic.conversion import Compound, Solution, Value, to_row, to_term, to_value
+from drlsl.logic.core import (
+    FAIL,
+    FOUND,
+    Clause,
+    Machine,
+    Predicate,
+    Program,
+    Task,
+    builtin_indicators,
+    callable_parts,
+    interpret,
+    term_variables,
+)
 from drlsl.logic.errors import ExistenceError, existence_error
-from drlsl.logic.explanation import Explanation
-from drlsl.logic.flags import Flags
+from drlsl.logic.explain import MAX_DEPTH, Explanation, explain
 from drlsl.logic.limits import LimitExceeded, Limits, Meter
-from drlsl.logic.linking import Linker, library
-from drlsl.logic.operators import Operators
-from drlsl.logic.program import Clause, Predicate, Program
-from drlsl.logic.proof import MAX_DEPTH, explain
-from drlsl.logic.reader import read_term
-from drlsl.logic.solver import FAIL, FOUND, Machine, Task, interpret
-from drlsl.logic.terms import Atom, Struct, Term, Var, deref
-from drlsl.logic.unify import term_variables
-from drlsl.logic.values import Compound, Solution, Value, to_row, to_term, to_value
-from drlsl.logic.writer import format_term
+from drlsl.logic.loading import Linker, Loader, LoadWarning, library, read_source
+from drlsl.logic.syntax import Flags, read_term
+from drlsl.logic.terms import Atom, Operators, Struct, Term, Var, deref, format_term
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +68,7 @@ class UnknownProcedure(ExistenceError):
         if self._program is None:
             return self._hint
         known = {key for key, predicate in self._program.predicates.items() if predicate.defined}
-        known |= {*registry.DET, *registry.NONDET, *registry.CONTROL, *library().exports}
+        known |= {*builtin_indicators(), *library().exports}
         arities = sorted(arity for name, arity in known if name == self._name)
         names = get_close_matches(self._name, {name for name, _ in known if not name.startswith("$")}, 1)
         if arities:

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final
 
-from drlsl.logic.operators import Operators
-from drlsl.logic.terms import Atom, CyclicTerm, Struct, Term, Var, deref
-from drlsl.logic.writer import format_term
+from drlsl.logic.terms import Atom, CyclicTerm, Operators, Struct, Term, Var, deref, format_term
 
 _OPERATORS: Final = Operators()
 _SHOWN_DEPTH: Final = 12

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drlsl.learning.evaluation import ShieldState
+from drlsl.learning import ShieldState
 from drlsl.study import paper
 from drlsl.study.plan import Run, StudyConfig
+from drlsl.study.result_tables import TABLE_1_ROWS, Table, convergence_of, in_words, median_episode, rows_of
 from drlsl.study.results import Results
 from drlsl.study.statistics import interquartile_mean
-from drlsl.study.tables import TABLE_1_ROWS, Table, convergence_of, in_words, median_episode, rows_of
 
 
 @dataclass(frozen=True, slots=True)

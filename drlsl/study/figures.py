@@ -11,10 +11,10 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drlsl.learning.figures import FIGURES, moving_average
+from drlsl.learning import FIGURES, moving_average
+from drlsl.study.result_tables import rows_of, sweep_rows
 from drlsl.study.results import Results
 from drlsl.study.statistics import convergence_window, interquartile_mean
-from drlsl.study.tables import rows_of, sweep_rows
 
 COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Told apart by people who do not see red or green. Source: Okabe and Ito, "Color universal design", 2008."""

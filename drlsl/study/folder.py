@@ -7,10 +7,16 @@ from pathlib import Path
 from typing import Any, Self
 
 from drlsl.errors import UserError
-from drlsl.learning.checkpoint import write_atomic
-from drlsl.learning.lock import FolderLock
-from drlsl.learning.rundir import METRICS, RunFolder
-from drlsl.learning.seal import check_text, open_values, seal_text, seal_values
+from drlsl.learning import (
+    METRICS,
+    FolderLock,
+    RunFolder,
+    check_text,
+    open_values,
+    seal_text,
+    seal_values,
+    write_atomic,
+)
 from drlsl.study.plan import Run, StudyConfig, Task, dump_study, load_study
 
 STUDY, INPUTS = "study.yaml", "inputs.json"

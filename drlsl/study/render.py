@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import pandas as pd
 
-from drlsl.study.tables import Table
+from drlsl.study.result_tables import Table
 
 
 @dataclass(frozen=True, slots=True)

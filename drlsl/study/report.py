@@ -6,16 +6,16 @@ from pathlib import Path
 import pandas as pd
 
 from drlsl.driving.simulation import BRAKING, INTRUSION, REACTION
-from drlsl.learning.checkpoint import write_atomic
-from drlsl.learning.figures import FIGURES
-from drlsl.study import statistics, tables
+from drlsl.learning import FIGURES, write_atomic
+from drlsl.study import result_tables as tables
+from drlsl.study import statistics
 from drlsl.study.claims import agreement, claims
 from drlsl.study.figures import sweep_figure, training_figures
 from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import StudyConfig, dump_study, make_study
 from drlsl.study.render import Block, Heading, Listing, Paragraph, Picture, markdown, page
+from drlsl.study.result_tables import Table
 from drlsl.study.results import Results, collect
-from drlsl.study.tables import Table
 
 TITLE = "Safe reinforcement learning on the highway: a study"
 WALL_TIME = "Wall time"

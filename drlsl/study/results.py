@@ -7,8 +7,7 @@ from typing import Any
 import pandas as pd
 
 from drlsl.driving.simulation import Verdict
-from drlsl.learning.evaluation import Totals
-from drlsl.learning.rundir import METRIC_COLUMNS
+from drlsl.learning import METRIC_COLUMNS, Totals
 from drlsl.study.folder import Failure, StudyFolder
 from drlsl.study.plan import StudyConfig, Task
 

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drlsl.learning.figures import moving_average
+from drlsl.learning import moving_average
 
 Floats = NDArray[np.float64]
 

@@ -11,12 +11,18 @@ from drlsl.config import NetworkConfig
 from drlsl.driving import EnvConfig
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.learning.evaluation import ShieldState, as_record, drive, make_evaluation_env
-from drlsl.learning.network_factory import factory_file
-from drlsl.learning.rundir import CHECKPOINT
-from drlsl.learning.session import Session, load_policy
+from drlsl.learning import (
+    CHECKPOINT,
+    Session,
+    ShieldState,
+    as_record,
+    drive,
+    factory_file,
+    load_policy,
+    make_evaluation_env,
+)
+from drlsl.study.computer import processors
 from drlsl.study.folder import StudyFolder, digest
-from drlsl.study.machine import processors
 from drlsl.study.plan import Run, StudyConfig, Task
 from drlsl.traffic import find_source
 

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
+from drlsl.traffic.columns import Kind, read_columns
 from drlsl.traffic.recording import Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.sources import Source
-from drlsl.traffic.tables import Kind, read_columns
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, without_duplicates
 
 UNLIMITED_SPEED = 130 / 3.6

@@ -1,1 +1,5 @@
-"""Proofs of properties of rule programs, and scenes that break them, by an SMT solver."""
+"""Proofs of properties over all scenes, and scenes that break them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

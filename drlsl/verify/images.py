@@ -13,9 +13,8 @@ from typing import Final, TypeAlias
 
 from drlsl.errors import UserError
 from drlsl.logic import Engine
-from drlsl.logic.goals import GOAL_ARGUMENTS
-from drlsl.logic.linking import library
-from drlsl.logic.program import Clause, Program
+from drlsl.logic.core import GOAL_ARGUMENTS, Clause, Program
+from drlsl.logic.loading import library
 from drlsl.logic.terms import Atom, Struct, Term, deref
 
 Indicator: TypeAlias = tuple[str, int]

@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from typing import Final
 
 from drlsl.driving.scene import EGO, SCHEMA
-from drlsl.logic.lowering.ir import Node, reach
-from drlsl.logic.lowering.schema import Relation
 from drlsl.logic.terms import Atom
+from drlsl.lowering.ir import Node, Relation, reach
 from drlsl.traffic import Direction
 
 VEHICLE: Final = SCHEMA.relations["vehicle", 8]

@@ -13,15 +13,15 @@ from drlsl.driving.scene import SCHEMA
 from drlsl.driving.shield import default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
-from drlsl.logic.linking import builtin, library
-from drlsl.logic.lowering.lower import Query
-from drlsl.logic.lowering.schema import FLOAT_BOUND, Relation, Schema
-from drlsl.logic.program import Clause
+from drlsl.logic.core import Clause
+from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Atom, Struct, deref
+from drlsl.lowering.frontend import Query
+from drlsl.lowering.ir import FLOAT_BOUND, Relation, Schema
 from drlsl.verify.images import expand, undefined_calls
 from drlsl.verify.ranges import RANGES, Range
 from drlsl.verify.sealing import consult_sealed
-from drlsl.verify.symbolic import FOCUS
+from drlsl.verify.smt import FOCUS
 
 FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
 """The facts of a scene, and the one vehicle that `focus/1` names."""

@@ -10,23 +10,27 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from drlsl.errors import UserError
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.ir import Pool
-from drlsl.logic.lowering.lower import Answer, lower
-from drlsl.logic.lowering.unfold import deep_recursion
 from drlsl.logic.terms import Atom
-from drlsl.verify.booleans import Bool
-from drlsl.verify.formula import Formula, NotTranslatable
-from drlsl.verify.margins import Floats, margin_of
+from drlsl.lowering.frontend import Answer, deep_recursion, lower
+from drlsl.lowering.ir import NotLowerable, Pool
+from drlsl.verify.confirmation import Counterexample, Replay
+from drlsl.verify.floats import Floats, margin_of
 from drlsl.verify.names import mentioned
 from drlsl.verify.properties import Book, Property, load
 from drlsl.verify.ranges import Case
-from drlsl.verify.replay import Counterexample, Replay
 from drlsl.verify.scope import witnesses
-from drlsl.verify.second import Choice, Judges
-from drlsl.verify.solver import Outcome, Solver
-from drlsl.verify.symbolic import FOCUS, SymbolicScene
-from drlsl.verify.values import Algebra
+from drlsl.verify.smt import (
+    FOCUS,
+    Algebra,
+    Bool,
+    Formula,
+    Judges,
+    NotTranslatable,
+    Outcome,
+    Solver,
+    SolverChoice,
+    SymbolicScene,
+)
 
 Status: TypeAlias = Literal["proved", "proved in real arithmetic only", "refuted", "unknown"]
 """Only in real arithmetic: a scene breaks the property by rounding."""
@@ -101,7 +105,7 @@ class Prover:
         rules: Sequence[str | Path],
         properties: Sequence[str | Path],
         only: Sequence[str] = (),
-        solver: Choice = "z3",
+        solver: SolverChoice = "z3",
     ) -> Prover:
         """Load the rules and lower their properties: all, or `only` some.
 

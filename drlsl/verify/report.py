@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 from drlsl.verify.attack import SCENES, SEED, Attack, Hit, Orders, attack
-from drlsl.verify.margins import Floats
+from drlsl.verify.confirmation import Counterexample
+from drlsl.verify.floats import Floats
+from drlsl.verify.processes import Workers
 from drlsl.verify.prove import Finding, Prover, Status, Task
 from drlsl.verify.ranges import Case, Range, all_cases
-from drlsl.verify.replay import Counterexample
-from drlsl.verify.second import Choice
-from drlsl.verify.workers import Workers
+from drlsl.verify.smt import SolverChoice
 
 IN_REAL_ARITHMETIC: Final = "proved in real arithmetic only"
 """The status of what floats may break at no limit at all, or do break in a scene."""
@@ -46,7 +46,7 @@ class Request:
     cases: tuple[Case, ...] = field(default_factory=lambda: tuple(all_cases()))
     attack: int = SCENES
     seed: int = SEED
-    solver: Choice = "z3"
+    solver: SolverChoice = "z3"
 
 
 @dataclass(slots=True)
@@ -292,7 +292,7 @@ def _alone(prover: Prover, next_task: Callable[[], Work | None]) -> Iterator[Any
 
 
 def _prepare(
-    rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str], solver: Choice
+    rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str], solver: SolverChoice
 ) -> Callable[[Work], Any]:
     """What a worker does with a piece of work."""
     return functools.partial(_do, Prover.of(rules, properties, only, solver))

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from drlsl.driving.scene import EGO
-from drlsl.logic.lowering.ir import QUANTIFIERS, Node, relation_of
-from drlsl.logic.lowering.lower import Answer
 from drlsl.logic.terms import Atom
+from drlsl.lowering.frontend import Answer
+from drlsl.lowering.ir import QUANTIFIERS, Node, relation_of
 from drlsl.verify.names import VEHICLE
-from drlsl.verify.symbolic import FOCUS
+from drlsl.verify.smt import FOCUS
 
 
 class NoBound(Exception):

@@ -13,8 +13,8 @@ from typing import Final, TypeAlias
 from drlsl.driving.shield import consult_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
-from drlsl.logic.linking import builtin, library
-from drlsl.logic.program import Clause, Indicator
+from drlsl.logic.core import Clause, Indicator
+from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, settings
 
+from drlsl.assurance import load_table, tables_of
 from drlsl.assurance.checks import (
     ACTIONS,
     ENTRY,
@@ -23,7 +24,6 @@ from drlsl.assurance.checks import (
     Question,
     Solves,
 )
-from drlsl.assurance.tables import load_table, tables_of
 from drlsl.driving.scene import Scene
 from tests.properties.oracle import SECTIONS, Oracle
 from tests.scenes import scenes

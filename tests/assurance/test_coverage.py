@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from drlsl.assurance import measure
 from drlsl.assurance.checks import Case, Holds, Question, Solves
-from drlsl.assurance.coverage import Instrumented, measure
+from drlsl.assurance.coverage import Instrumented
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from tests.assurance.evidence import RULES, table_cases

@@ -6,17 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.assurance.asking import WRONG, Asker, Generated, Interpreter
+from drlsl.assurance import load_table, reasons_of, score
+from drlsl.assurance.answers import WRONG, Asker, Generated, Interpreter
 from drlsl.assurance.checks import DRIVING, Case, Holds, Offered, Question, shown
 from drlsl.assurance.clause_text import clause_texts
 from drlsl.assurance.mutants import mutants_of
-from drlsl.assurance.mutation import LIMITS, MutantTester, score
-from drlsl.assurance.survivors import reasons_of
-from drlsl.assurance.tables import load_table
+from drlsl.assurance.mutation import LIMITS, MutantTester
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.logic.lowering.errors import NotLowerable
+from drlsl.lowering.ir import NotLowerable
 from tests.assurance.evidence import RULES, generated_scenes, oracle_cases, table_cases
 from tests.driving.test_shield import SCENE
 

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.assurance.rows import EgoRow, RoadRow, VehicleRow, scene_of
-from drlsl.assurance.running import run_cases
-from drlsl.assurance.tables import load_table, tables_of
+from drlsl.assurance import load_table, run_cases, tables_of
+from drlsl.assurance.case_rows import EgoRow, RoadRow, VehicleRow, scene_of
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError

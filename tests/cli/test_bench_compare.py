@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.benchmarks.comparison import Comparison
+from drlsl.benchmarks import Comparison
 from drlsl.cli import run
 
 

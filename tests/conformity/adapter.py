@@ -6,8 +6,8 @@ import io
 from typing import Any
 
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, PrologSyntaxError
-from drlsl.logic.reader import read_term
-from drlsl.logic.solver import FOUND, Machine
+from drlsl.logic.core import FOUND, Machine
+from drlsl.logic.syntax import read_term
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 _SECONDS = 10.0

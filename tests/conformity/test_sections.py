@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from drlsl.logic import Engine, PrologError, PrologSyntaxError
-from drlsl.logic.flags import Flags
-from drlsl.logic.operators import Operators
-from drlsl.logic.reader import read_term
-from drlsl.logic.unify import subsumes
+from drlsl.logic.core import subsumes
+from drlsl.logic.syntax import Flags, read_term
+from drlsl.logic.terms import Operators
 
 _FOLDER = Path(__file__).parent / "sections"
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, Limits, PrologError
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 HERE = Path(__file__).parent
 GOALS = (HERE / "goals.txt").read_text(encoding="utf-8").splitlines()

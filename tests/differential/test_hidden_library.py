@@ -8,24 +8,21 @@ import numpy as np
 import pytest
 
 from drlsl.logic import Engine, PrologError
-from drlsl.logic.builtins import registry
-from drlsl.logic.consult import STANDARD
-from drlsl.logic.goals import CONTROL_ARGUMENTS
-from drlsl.logic.linking import library
-from drlsl.logic.lowering.batch_program import Rows
-from drlsl.logic.lowering.goals import GOALS
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.numpy_backend import compile_numpy
-from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.logic.core import CONTROL_ARGUMENTS, CONTROL_BUILTINS, builtin_indicators
+from drlsl.logic.loading import library
+from drlsl.logic.loading.consult import STANDARD
+from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar
+from drlsl.lowering.frontend import Query, lower
+from drlsl.lowering.frontend.goals import GOALS
+from drlsl.lowering.ir import Relation, Schema
 
 SPEED = Relation("speed", ("float",), single=True)
 SCHEMA = Schema([SPEED])
 ASK = Query("ask", 0, "holds")
 
 QUALIFIED = (":", 2)  # before a head it is the name of a module, and the clause is one of what follows
-CONTROL = sorted({*registry.CONTROL, *CONTROL_ARGUMENTS} - {QUALIFIED})
-OTHERS = sorted({*registry.DET, *registry.NONDET, *GOALS, *library().exports} - {*CONTROL, QUALIFIED})
+CONTROL = sorted({*CONTROL_BUILTINS, *CONTROL_ARGUMENTS} - {QUALIFIED})
+OTHERS = sorted({*builtin_indicators(), *GOALS, *library().exports} - {*CONTROL, QUALIFIED})
 
 
 def goal(name: str, arity: int) -> str:
@@ -55,8 +52,7 @@ def answers(engine: Engine, speed: float) -> dict[str, bool]:
     arrays = compile_numpy(lowered)({("speed", 1): Rows([np.array([speed])])})
     result["arrays"] = bool(arrays.answers[0].value[0])
     pytest.importorskip("z3", reason="the extra verify")
-    from drlsl.verify.formula import Formula, Row
-    from drlsl.verify.values import Algebra
+    from drlsl.verify.smt import Algebra, Formula, Row
 
     algebra = Algebra()
     row = Row(algebra.booleans.true, (algebra.ring.const(Fraction(speed)),))

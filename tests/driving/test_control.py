@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from drlsl.driving.simulation.control import (
+from drlsl.driving.simulation.controllers import (
     LATERAL_SPEED_LIMIT,
     LaneController,
     SpeedController,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drlsl.driving.scene import BRAKING_LIMIT
 from drlsl.driving.simulation import idm
-from drlsl.driving.simulation.control import move_forward
+from drlsl.driving.simulation.controllers import move_forward
 
 SPEED = st.floats(0.0, 40.0)
 

@@ -16,7 +16,7 @@ from drlsl.driving import EnvConfig
 from drlsl.driving.scene import Scene, SceneBatch, Vehicle
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import World, in_direction, playbacks_of
-from drlsl.driving.simulation.control import LANE_GAIN, LATERAL_SPEED_LIMIT, LaneController, move
+from drlsl.driving.simulation.controllers import LANE_GAIN, LATERAL_SPEED_LIMIT, LaneController, move
 from drlsl.driving.simulation.prediction import NOTHING_OFFERED, TICK, predicted_actions, sideways
 from drlsl.traffic import Direction, load_recording
 from tests.driving.recordings import Drive, recording

@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from drlsl.errors import UserError
-from drlsl.learning.checkpoint import as_arrays, as_tensors, load_state, save_state, write_atomic
+from drlsl.learning import load_state, write_atomic
+from drlsl.learning.checkpoint import as_arrays, as_tensors, save_state
 
 
 def test_a_state_comes_back(tmp_path: Path) -> None:

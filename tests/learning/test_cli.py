@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 from drlsl.cli import run
-from drlsl.learning.checkpoint import load_state
-from drlsl.learning.rundir import RunFolder
+from drlsl.learning import RunFolder, load_state
 
 from .test_session import assert_same_outcome
 

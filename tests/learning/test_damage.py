@@ -11,11 +11,7 @@ import torch
 
 from drlsl.config import TrainConfig
 from drlsl.errors import UserError
-from drlsl.learning import checkpoint
-from drlsl.learning.checkpoint import load_state
-from drlsl.learning.rundir import RunFolder
-from drlsl.learning.seal import open_values, seal_values
-from drlsl.learning.session import Session
+from drlsl.learning import RunFolder, Session, checkpoint, load_state, open_values, seal_values
 
 from .test_session import flat, train_whole
 

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.config import Bootstrap, LearningConfig, NetworkConfig, make_config
-from drlsl.learning.dqn import DivergedError, DqnAgent, greedy_choice, td_loss, td_targets
+from drlsl.learning import greedy_choice
+from drlsl.learning.dqn import DivergedError, DqnAgent, td_loss, td_targets
 from drlsl.learning.replay import Batch
 
 SIZE, ACTIONS = 4, 3

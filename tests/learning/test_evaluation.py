@@ -4,8 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drlsl.learning import ShieldState, as_record, drive
 from drlsl.learning.episode import EVALUATION_STREAM, TRAINING_STREAM, EpisodeSummary, episode_seed
-from drlsl.learning.evaluation import ShieldState, as_record, drive, totals
+from drlsl.learning.evaluation import totals
 
 from .fake import fakes
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from drlsl.learning.figures import FIGURES, moving_average, write_training_figures
+from drlsl.learning import FIGURES, moving_average
+from drlsl.learning.figures import write_training_figures
 
 
 @given(values=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=60), window=st.integers(1, 25))

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
-from drlsl.learning.rundir import RunFolder
-from drlsl.learning.session import Session
+from drlsl.learning import RunFolder, Session
 
 from .test_session import assert_same_outcome
 

@@ -13,14 +13,11 @@ from torch import nn
 
 from drlsl.config import LearningConfig, NetworkConfig, TrainConfig, make_config, merged
 from drlsl.errors import UserError
-from drlsl.learning import architectures
-from drlsl.learning.checkpoint import load_state
+from drlsl.learning import RunFolder, Session, architectures, load_policy, load_state
 from drlsl.learning.divergence import DivergedError
 from drlsl.learning.dqn import DqnAgent
 from drlsl.learning.module_network import ModuleNetwork
 from drlsl.learning.network import NoisyQNetwork, QNetwork
-from drlsl.learning.rundir import RunFolder
-from drlsl.learning.session import Session, load_policy
 
 from . import networks
 from .fake import fakes

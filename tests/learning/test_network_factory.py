@@ -10,9 +10,8 @@ from torch import nn
 from drlsl.cli import run
 from drlsl.config import NetworkConfig
 from drlsl.errors import UserError
-from drlsl.learning import architectures, train
+from drlsl.learning import RunFolder, architectures, train
 from drlsl.learning.network_factory import call_factory, factory_name, find_factory
-from drlsl.learning.rundir import RunFolder
 
 from . import networks
 

@@ -7,8 +7,8 @@ import pytest
 
 from drlsl.config import TrainConfig
 from drlsl.errors import UserError
+from drlsl.learning import METRIC_COLUMNS, RunFolder, next_free_folder
 from drlsl.learning.episode import EpisodeSummary
-from drlsl.learning.rundir import METRIC_COLUMNS, RunFolder, next_free_folder
 from drlsl.learning.trainer import EpisodeEvent
 
 

@@ -13,9 +13,7 @@ import torch
 
 from drlsl.config import TrainConfig, make_config, merged
 from drlsl.errors import UserError
-from drlsl.learning.checkpoint import load_state
-from drlsl.learning.rundir import RunFolder
-from drlsl.learning.session import Session, load_policy
+from drlsl.learning import RunFolder, Session, load_policy, load_state
 
 from .conftest import small_config
 from .fake import fakes

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from drlsl.config import TrainConfig, make_config, merged
 from drlsl.driving.simulation import TERMS
 from drlsl.errors import UserError
+from drlsl.learning import Trainer, make_learner
 from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, episode_seed
-from drlsl.learning.trainer import EpisodeEvent, Trainer, make_learner, resolve_device
+from drlsl.learning.trainer import EpisodeEvent, resolve_device
 
 from .conftest import small_config
 from .fake import LANES, FakeHighway, FakeVector, fakes

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from drlsl.logic.operators import SPECIFIERS, Operators
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, make_list
+from drlsl.logic.terms import NIL, SPECIFIERS, Atom, Operators, Struct, Term, Var, make_list
 
 _PLAIN = "a b foo [] {} ; ! , | . - + * \\ \\+ :- ?- --> = is mod rem dynamic A aB é É /* */ //* @ 0 1 e $VAR"
 _STRANGE = [

@@ -23,9 +23,9 @@ from drlsl.logic import (
     String,
     Variable,
 )
-from drlsl.logic.compiler import tiers
+from drlsl.logic.conversion import Value, to_term, to_value
+from drlsl.logic.jit import tiering as tiers
 from drlsl.logic.terms import Atom, Struct, Var
-from drlsl.logic.values import Value, to_term, to_value
 
 
 @pytest.fixture(params=["plain", "compiled"])

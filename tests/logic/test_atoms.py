@@ -13,8 +13,9 @@ from collections.abc import ItemsView
 
 import pytest
 
-from drlsl.logic import Engine, terms
+from drlsl.logic import Engine
 from drlsl.logic.terms import NIL, Atom
+from drlsl.logic.terms import term as terms
 
 LOOPS = [
     "between(1, 300000, N), atom_number(A, N), atom_length(A, 0)",

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import pytest
 
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, ResourceError
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 PROGRAM = """
 count(0) :- !.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drlsl.logic import Compound, Engine, PrologError, Variable
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 PROGRAM = """
 :- dynamic(counter/1).
@@ -159,7 +159,7 @@ def test_answers(engine: Engine, goal: str, expected: list[object]) -> None:
     ],
 )
 def test_errors(engine: Engine, goal: str, error: str) -> None:
-    from drlsl.logic.writer import format_term
+    from drlsl.logic.terms import format_term
 
     with pytest.raises(PrologError) as raised:
         engine.once(goal)
@@ -205,8 +205,8 @@ def test_queue_of_facts_is_not_quadratic(engine: Engine) -> None:
 
 def test_determinism_of_indexed_calls(engine: Engine) -> None:
     from drlsl.logic import Limits
-    from drlsl.logic.reader import read_term
-    from drlsl.logic.solver import FOUND, Machine
+    from drlsl.logic.core import FOUND, Machine
+    from drlsl.logic.syntax import read_term
 
     engine.consult_text(
         "kind(1, one). kind(a, letter). kind(f(_), compound). kind([], nil). kind([_|_], list).", name="k"

@@ -15,8 +15,8 @@ import pytest
 
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
 from drlsl.logic.engine import EngineBusyError
-from drlsl.logic.lowering.errors import NotLowerable
 from drlsl.logic.terms import Atom
+from drlsl.lowering.ir import NotLowerable
 
 WAYS: dict[str, Callable[[Any], Any]] = {
     "copy": copy.copy,

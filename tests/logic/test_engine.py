@@ -241,7 +241,7 @@ def test_prepared_query_sees_changes(engine: Engine) -> None:
 
 
 def test_query_takes_a_term(engine: Engine) -> None:
-    from drlsl.logic.reader import read_term
+    from drlsl.logic.syntax import read_term
 
     goal = read_term("member(X, [a, b])", engine.operators, engine.flags).term
     assert [solution["X"] for solution in engine.query(goal)] == ["a", "b"]  # type: ignore[arg-type]  # a goal

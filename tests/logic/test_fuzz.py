@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 ROOT = Path(__file__).parents[2]
 CORPUS = Path(__file__).parent / "corpus"
@@ -86,10 +86,10 @@ def goals(draw: st.DrawFn) -> str:
 
 
 def _builtins() -> list[tuple[str, int]]:
-    from drlsl.logic.builtins import registry
-    from drlsl.logic.linking import library
+    from drlsl.logic.core import builtin_table as registry
+    from drlsl.logic.loading import library
 
-    known = {*registry.DET, *registry.NONDET, *registry.CONTROL, *library().exports}
+    known = {*registry.builtin_indicators(), *library().exports}
     # Backslashes would need quoting; these would end the process's input, or take files.
     skipped = ("$", "read", "see", "open", "consult", "length", "numlist", "include", "tab", "sleep", "shell")
     return sorted((name, arity) for name, arity in known if "\\" not in name and not name.startswith(skipped))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, Limits, PrologError
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 _HEAD_TERMS = (
     "X",

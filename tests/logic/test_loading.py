@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.logic import Engine, PrologError, consult
+from drlsl.logic import Engine, PrologError
+from drlsl.logic.loading import consult
 
 BOM = "\ufeff"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drlsl.logic import Engine, Limits, PrologError
-from drlsl.logic.body import compile_clause
+from drlsl.logic.core import compile_clause
 from drlsl.logic.limits import Meter
 from drlsl.logic.terms import Atom, Struct
 

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, ExistenceError, LimitExceeded, Limits
-from drlsl.logic.explanation import Explanation, Step
-from drlsl.logic.proof import MAX_REASONS
+from drlsl.logic.explain import Explanation
+from drlsl.logic.explain.explanation import Step
+from drlsl.logic.explain.proof import MAX_REASONS
 
 _RULES = """\
 left_is_safe :- left_is_valid, \\+ left_is_busy.

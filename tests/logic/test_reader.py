@@ -9,11 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drlsl.logic import PrologSyntaxError
-from drlsl.logic.flags import Flags
-from drlsl.logic.operators import Operators
-from drlsl.logic.reader import ReadTerm, is_complete, parse_number, read_term, read_terms
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, make_list
-from drlsl.logic.writer import format_term
+from drlsl.logic.syntax import Flags, ReadTerm, is_complete, parse_number, read_term, read_terms
+from drlsl.logic.terms import NIL, Atom, Operators, Struct, Term, Var, format_term, make_list
 
 _CORPUS = Path(__file__).parent / "corpus"
 

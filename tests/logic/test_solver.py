@@ -10,7 +10,7 @@ import tracemalloc
 import pytest
 
 from drlsl.logic import Compound, Engine, LimitExceeded, Limits, PrologError
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 PROGRAM = """
 a(1). a(2). a(3).

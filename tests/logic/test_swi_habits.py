@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, PrologError
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 BIG = 9007199254740993  # 2**53 + 1, which no float is
 

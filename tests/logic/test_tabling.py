@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
-from drlsl.logic.compiler import tiers
+from drlsl.logic.jit import tiering as tiers
 
 PATHS = """
 :- table path/2, a/1, b/1, fib/2, win/1, even/1, odd/1.
@@ -242,8 +242,8 @@ def test_limits_bind(compiled: bool, clauses: str, limits: Limits) -> None:
 
 
 def test_a_table_has_a_most(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("drlsl.logic.tabling._MOST_ANSWERS", 100)
-    monkeypatch.setattr("drlsl.logic.program._MOST_KEPT", 50)
+    monkeypatch.setattr("drlsl.logic.core.tabling._MOST_ANSWERS", 100)
+    monkeypatch.setattr("drlsl.logic.core.clauses._MOST_KEPT", 50)
     engine = loaded(
         ":- table p/1.\np(X) :- p(Y), X is Y + 1.\np(0).\n:- table q/2.\nq(N, X) :- between(1, N, X).",
         compiled=compiled,

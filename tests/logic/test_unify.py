@@ -8,16 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, is_acyclic, make_list
-from drlsl.logic.unify import (
+from drlsl.logic.core import (
     Trail,
-    UndoCall,
-    compact,
     compare,
     copy_term,
-    excerpt,
     is_ground,
-    occurs,
     sort_key,
     subsumes,
     term_variables,
@@ -26,6 +21,8 @@ from drlsl.logic.unify import (
     unify_occurs,
     variant,
 )
+from drlsl.logic.core.unification import UndoCall, compact, excerpt, occurs
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, is_acyclic, make_list
 
 _NAMES = st.sampled_from(["a", "b", "f", "g", "[]", "é", ""])
 _NUMBERS = (

@@ -8,13 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.logic.digits import decimal_digits
-from drlsl.logic.flags import Flags
-from drlsl.logic.operators import Operators
-from drlsl.logic.reader import read_term
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, make_list
-from drlsl.logic.unify import variant
-from drlsl.logic.writer import format_atom, format_float, format_term
+from drlsl.logic.core import variant
+from drlsl.logic.syntax import Flags, read_term
+from drlsl.logic.terms import (
+    NIL,
+    Atom,
+    Operators,
+    Struct,
+    Term,
+    Var,
+    decimal_digits,
+    format_atom,
+    format_float,
+    format_term,
+    make_list,
+)
 from tests.logic.strategies import characters, operator_tables, terms
 
 _VARIABLES = [Var("X"), Var("Y")]

@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from drlsl.logic.lowering.array_loops import ArrayLoopPrinter
-from drlsl.logic.lowering.loop_ops import CALLED
-from drlsl.logic.lowering.lower import Lowered
-from drlsl.logic.lowering.numba_backend import NumbaProgram
+from drlsl.lowering.backends.array_loops import ArrayLoopPrinter
+from drlsl.lowering.backends.loop_ops import CALLED
+from drlsl.lowering.backends.numba_backend import NumbaProgram
+from drlsl.lowering.frontend import Lowered
 
 _KINDS: Final = {"bool": np.dtype(np.bool_), "int": np.dtype(np.int64), "float": np.dtype(np.float64)}
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from hypothesis import strategies as st
 
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.lowering.ir import Relation, Schema
 
 SCHEMA = Schema(
     [

@@ -8,9 +8,9 @@ import pytest
 
 from drlsl.cli import run
 from drlsl.logic import Engine
-from drlsl.logic.lowering.check import Report, check_program
-from drlsl.logic.lowering.lower import Query
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.lowering import Report, check_program
+from drlsl.lowering.frontend import Query
+from drlsl.lowering.ir import Relation, Schema
 
 SCHEMA = Schema([Relation("car", ("atom", "float"), key=0), Relation("limit", ("float",), single=True)])
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import Rows
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.lowering.backends import Rows
+from drlsl.lowering.frontend import Query, lower
+from drlsl.lowering.ir import Relation, Schema
 from tests.lowering.tiers import Tiers
 
 NEAR_1 = 1.0 + 2.0**-27
@@ -29,7 +29,7 @@ def test_a_product_is_rounded_before_it_is_added_to() -> None:
     assert tiers.check([FACTS] * 64) == 64
     assert tiers.scalar(FACTS) == (True,)
     pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
-    from drlsl.logic.lowering.numba_backend import compile_numba
+    from drlsl.lowering.backends import compile_numba
 
     program = compile_numba(lower(engine, SCHEMA, [query]))
     many = {key: Rows([np.full(64, rows[0][0])], np.ones(64, dtype=np.bool_)) for key, rows in FACTS.items()}

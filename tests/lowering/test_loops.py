@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from drlsl.logic import Engine
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.lowering.backends import compile_scalar
+from drlsl.lowering.frontend import Query, lower
+from drlsl.lowering.ir import Relation, Schema
 from tests.lowering.tiers import ask
 
 SCHEMA = Schema([Relation("vehicle", ("atom", "int", "float"), key=0)])

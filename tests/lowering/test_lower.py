@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 from drlsl.logic import Engine, EvaluationError
-from drlsl.logic.lowering import numpy_backend, torch_backend
-from drlsl.logic.lowering.errors import NotLowerable, Undecided
-from drlsl.logic.lowering.lower import Mode, Query, lower
-from drlsl.logic.lowering.numpy_backend import Rows, compile_numpy
-from drlsl.logic.lowering.scalar import compile_scalar, scalar_source
-from drlsl.logic.lowering.schema import INT_BOUND, Relation, Schema
+from drlsl.lowering.backends import (
+    Rows,
+    compile_numpy,
+    compile_scalar,
+    numpy_backend,
+    scalar_source,
+    torch_backend,
+)
+from drlsl.lowering.frontend import Mode, Query, lower
+from drlsl.lowering.ir import INT_BOUND, NotLowerable, Relation, Schema, Undecided
 from tests.lowering.tiers import Facts, Tiers, ask, to_rows
 
 SCHEMA = Schema(

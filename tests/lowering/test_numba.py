@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 from drlsl.driving import shield
 from drlsl.driving.scene import EGO, SCHEMA, Scene, Vehicle
 from drlsl.driving.shield import query_of
-from drlsl.logic.lowering.batch_program import BatchResult, Rows
-from drlsl.logic.lowering.lower import Lowered, Query, lower
-from drlsl.logic.lowering.numba_backend import NumbaProgram, compile_numba
-from drlsl.logic.lowering.numpy_backend import compile_numpy
+from drlsl.lowering.backends import Rows, compile_numba, compile_numpy
+from drlsl.lowering.backends.batch_program import BatchResult
+from drlsl.lowering.backends.numba_backend import NumbaProgram
+from drlsl.lowering.frontend import Lowered, Query, lower
 from tests.lowering import programs
 from tests.lowering.plain import compile_plain
 from tests.lowering.test_lower import engine_of
@@ -361,8 +361,8 @@ SMALL = """
 import logging, sys
 from pathlib import Path
 logging.basicConfig(level=logging.WARNING)
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.numba_backend import Rows, compile_numba
+from drlsl.lowering import Query, lower
+from drlsl.lowering import Rows, compile_numba
 from tests.lowering.test_lower import SCHEMA, engine_of
 import numpy as np
 form = lower(engine_of("p(X) :- limit(L), X is exp(L) + 1."), SCHEMA, [Query("p", 1, "first")])

@@ -11,13 +11,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import Rows
-from drlsl.logic.lowering.errors import Undecided
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.numpy_backend import compile_numpy
-from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Kind, Relation, Schema
-from drlsl.logic.lowering.torch_backend import compile_torch
+from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar, compile_torch
+from drlsl.lowering.frontend import Query, lower
+from drlsl.lowering.ir import Relation, Schema, Undecided
+from drlsl.lowering.ir.schema import Kind
 from tests.lowering.tiers import Facts, Tiers, ask, same
 
 LIMIT = ("limit", 1)

@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Query
+from drlsl.lowering.frontend import Query
+from drlsl.lowering.ir import NotLowerable
 from tests.lowering import programs
 from tests.lowering.tiers import Tiers
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from drlsl.driving.scene import SCHEMA, Facts, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Mode, Query, lower
+from drlsl.lowering.frontend import Mode, Query, lower
+from drlsl.lowering.ir import NotLowerable
 from tests.lowering.tiers import Tiers
 from tests.scenes import scenes
 

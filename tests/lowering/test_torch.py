@@ -20,13 +20,11 @@ from drlsl.benchmarks import random_scenes
 from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
 from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, query_of
 from drlsl.logic import Engine
-from drlsl.logic.lowering import numpy_ops, torch_ops
-from drlsl.logic.lowering.batch_program import BatchResult, Precision, Rows
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Lowered, Query, lower
-from drlsl.logic.lowering.numpy_backend import compile_numpy
-from drlsl.logic.lowering.schema import FLOAT32_BOUND, INT_BOUND, Relation, Schema
-from drlsl.logic.lowering.torch_backend import TorchProgram, compile_torch
+from drlsl.lowering.backends import Rows, compile_numpy, compile_torch, numpy_ops, torch_ops
+from drlsl.lowering.backends.batch_program import BatchResult, Precision
+from drlsl.lowering.backends.torch_backend import TorchProgram
+from drlsl.lowering.frontend import Lowered, Query, lower
+from drlsl.lowering.ir import FLOAT32_BOUND, INT_BOUND, NotLowerable, Relation, Schema
 from tests.lowering import programs
 from tests.lowering.test_lower import engine_of
 from tests.lowering.tiers import Program, to_rows

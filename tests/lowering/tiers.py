@@ -10,13 +10,9 @@ import numpy as np
 import torch
 
 from drlsl.logic import Engine, PrologError
-from drlsl.logic.lowering.batch_program import BatchProgram, Rows
-from drlsl.logic.lowering.errors import NotLowerable, Undecided
-from drlsl.logic.lowering.lower import Lowered, Query, lower
-from drlsl.logic.lowering.numpy_backend import compile_numpy
-from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Relation, Schema
-from drlsl.logic.lowering.torch_backend import compile_torch
+from drlsl.lowering.backends import BatchProgram, Rows, compile_numpy, compile_scalar, compile_torch
+from drlsl.lowering.frontend import Lowered, Query, lower
+from drlsl.lowering.ir import NotLowerable, Relation, Schema, Undecided
 from tests.lowering.plain import compile_plain
 
 torch.set_num_threads(1)  # tests run beside each other

@@ -12,11 +12,9 @@ import pytest
 from drlsl.driving.scene import SCHEMA
 from drlsl.driving.shield import consult_rules
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import Rows
-from drlsl.logic.lowering.lower import Lowered, Query, lower
-from drlsl.logic.lowering.numpy_backend import compile_numpy
-from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar
+from drlsl.lowering.frontend import Lowered, Query, lower
+from drlsl.lowering.ir import Relation, Schema
 
 pytest.importorskip(
     "ad_physics", reason="needs ad-physics and ad-rss, which have wheels for Linux on x86-64 only"

@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.assurance.coverage import measure
-from drlsl.assurance.mutation import score
-from drlsl.assurance.running import run_cases
+from drlsl.assurance import measure, run_cases, score
 from drlsl.cli import run
 from drlsl.driving.scene import Scene, SceneBatch
 from drlsl.driving.shield import Shield

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from drlsl.errors import UserError
+from drlsl.learning import RunFolder, as_record
 from drlsl.learning.episode import EpisodeSummary
-from drlsl.learning.evaluation import as_record
-from drlsl.learning.rundir import RunFolder
 from drlsl.learning.trainer import EpisodeEvent
-from drlsl.study.folder import StudyFolder
-from drlsl.study.plan import StudyConfig, Task, make_study
+from drlsl.study import StudyConfig, StudyFolder
+from drlsl.study.plan import Task, make_study
 from drlsl.study.tasks import SHIELDS, Stop
 
 PAUSE = "PAUSE_S"

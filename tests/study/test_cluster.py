@@ -9,9 +9,8 @@ import pytest
 
 from drlsl.cli import run
 from drlsl.errors import UserError
-from drlsl.study.folder import StudyFolder
+from drlsl.study import StudyFolder, work
 from drlsl.study.plan import Run, Task
-from drlsl.study.schedule import work
 
 from .fake import INPUTS, PAUSE, perform, study, tell_to_fail
 
@@ -36,7 +35,7 @@ def folder(tmp_path: Path) -> StudyFolder:
 
 
 def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -> None:
-    from drlsl.study.cluster import RayWorkers
+    from drlsl.study import RayWorkers
 
     tell_to_fail(folder.root, "m0-seed0", "raise", 1)
     tell_to_fail(folder.root, "m1-seed0.freeway", "killed", 1)
@@ -61,8 +60,7 @@ def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -
 def test_a_stopped_study_goes_on_in_processes_of_this_machine(
     cluster: Any, folder: StudyFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from drlsl.study.cluster import RayWorkers
-    from drlsl.study.local import LocalWorkers
+    from drlsl.study import LocalWorkers, RayWorkers
 
     monkeypatch.setenv(PAUSE, "0.05")
 
@@ -97,7 +95,7 @@ def test_the_nodes_of_a_cluster_do_real_work(cluster: Any, tmp_path: Path) -> No
     ],
 )
 def test_a_cluster_that_is_not_there(folder: StudyFolder, address: str, told: str) -> None:
-    from drlsl.study.cluster import RayWorkers
+    from drlsl.study import RayWorkers
 
     with pytest.raises(UserError, match=told):
         RayWorkers(folder, perform, address)

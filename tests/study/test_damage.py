@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from drlsl.errors import UserError
-from drlsl.study.folder import Failure, StudyFolder
+from drlsl.study import StudyFolder
+from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
 from drlsl.study.results import Results, collect
 

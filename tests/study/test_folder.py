@@ -6,7 +6,8 @@ import pytest
 
 from drlsl.errors import UserError
 from drlsl.learning.rundir import CONFIG
-from drlsl.study.folder import Failure, StudyFolder, digest
+from drlsl.study import StudyFolder
+from drlsl.study.folder import Failure, digest
 from drlsl.study.plan import Run, Task
 from drlsl.study.results import collect
 

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.study.folder import StudyFolder
-from drlsl.study.local import LocalWorkers
+from drlsl.study import LocalWorkers, Progress, StudyFolder, work
 from drlsl.study.plan import Run, Task
-from drlsl.study.schedule import Progress, work
 
 from .fake import INPUTS, PAUSE, perform, study, tell_to_fail
 

@@ -5,18 +5,9 @@ from pathlib import Path
 import pytest
 
 from drlsl.errors import UserError
+from drlsl.study import dump_study, load_study, preset_study, with_changes
 from drlsl.study.paper import METHODS, TABLE_1
-from drlsl.study.plan import (
-    Run,
-    Task,
-    dump_study,
-    load_study,
-    make_study,
-    preset_study,
-    scenario_of,
-    study_presets,
-    with_changes,
-)
+from drlsl.study.plan import Run, Task, make_study, scenario_of, study_presets
 
 from .fake import study
 

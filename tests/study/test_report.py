@@ -7,14 +7,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from drlsl.learning.rundir import RunFolder
+from drlsl.learning import RunFolder
+from drlsl.study import StudyFolder, write_report
 from drlsl.study.claims import Claim, agreement, claims
-from drlsl.study.folder import Failure, StudyFolder
+from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
 from drlsl.study.render import Paragraph, markdown, page
-from drlsl.study.report import write_report
-from drlsl.study.results import Results, collect
-from drlsl.study.tables import (
+from drlsl.study.result_tables import (
     Table,
     contacts,
     convergence,
@@ -24,6 +23,7 @@ from drlsl.study.tables import (
     table_1,
     training,
 )
+from drlsl.study.results import Results, collect
 
 from .fake import INPUTS, perform, study
 

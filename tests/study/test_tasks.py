@@ -7,10 +7,10 @@ import pytest
 from drlsl.cli import run
 from drlsl.config import merged
 from drlsl.errors import UserError
-from drlsl.study.folder import StudyFolder, digest
-from drlsl.study.plan import Run, StudyConfig, Task, make_study, preset_study
+from drlsl.study import StudyConfig, StudyFolder, inputs_of, perform, preset_study
+from drlsl.study.folder import digest
+from drlsl.study.plan import Run, Task, make_study
 from drlsl.study.results import collect
-from drlsl.study.tasks import inputs_of, perform
 from tests.learning import networks
 
 from . import fake

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from drlsl.verify.ranges import Case
-from drlsl.verify.report import Request, Result, verify
+from drlsl.verify import Case, Request, Result, verify
 
 TWO_LANES = Case(0, 2, 1, 1)
 

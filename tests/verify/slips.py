@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from drlsl.verify.ranges import Case
+from drlsl.verify import Case
 
 _LATER = __future__.annotations.compiler_flag  # annotations are not evaluated, as in the modules
 
@@ -72,121 +72,121 @@ TWO = f"{OTHER}, vehicle(D, _, X2, Y2, V2, VY2, L2, W2), D \\== ego, D \\== C"
 
 SLIPS: dict[str, Slip] = {
     "the power of a root is not looked at": Slip(
-        "values:Algebra._sign_of_root",
+        "smt.values:Algebra._sign_of_root",
         "    if monomial != ((unknown, 1),):\n        return None\n",
         "",
         f"{EGO}, S is V * V, S > 0.0, S < 50.0, R is 1.0 / sqrt(S), R > 10.0",
     ),
     "the sign of what is under a root that is taken away": Slip(
-        "values:Algebra._sign_of_root",
+        "smt.values:Algebra._sign_of_root",
         "self.above(ring.scale(difference, -1))",
         "self.above(difference)",
         f"{EGO}, V < 8.0, sqrt(V) < 3.0",
     ),
     "the square of a root is twice what it should be": Slip(
-        "values:Algebra.sqrt",
+        "smt.values:Algebra.sqrt",
         "declare_root(known, square)",
         "declare_root(known, self.ring.scale(square, 2))",
         f"{EGO}, V > 1.0, sqrt(V) * sqrt(V) < 1.5 * V",
     ),
     "the upper bound of a root": Slip(
-        "values:_root_interval",
+        "smt.values:_root_interval",
         "+ 1, _DENOMINATOR)",
         "// 2, _DENOMINATOR)",
         f"{EGO}, sqrt(V) > 5.0",
     ),
     "an even power is bounded by the upper end alone": Slip(
-        "polynomials:_power",
+        "smt.polynomials:_power",
         "max(-low, high) ** power",
         "high ** power",
         f"{EGO}, VY * VY > 50.0",
         "range(lateral_speed, -10, 2).",
     ),
     "a product is bounded by two corners of four": Slip(
-        "polynomials:_product",
+        "smt.polynomials:_product",
         "corners = [a * b for a in one for b in other if a is not None and b is not None]",
         "corners = [a * b for a, b in zip(one, other) if a is not None and b is not None]",
         f"{EGO}, V * VY < -100.0",
         vehicles=0,
     ),
     "a negative factor does not turn an interval round": Slip(
-        "polynomials:Ring.interval",
+        "smt.polynomials:Ring.interval",
         "least, most = most, least",
         "pass",
         f"{EGO}, V >= 5.0",
         vehicles=0,
     ),
     "the wrong end of an interval decides a sign": Slip(
-        "values:Algebra._sign",
+        "smt.values:Algebra._sign",
         "high is not None and high <= 0",
         "low is not None and low < 0",
         f"{EGO}, V > 30.0",
         vehicles=0,
     ),
     "a division by a negative number keeps the sign": Slip(
-        "values:Algebra._sign_without",
+        "smt.values:Algebra._sign_without",
         "rest if power % 2 == 0 else ring.scale(rest, -1)",
         "rest",
         f"{EGO}, VY > -1.0, VY < -0.5, 1.0 / VY < -1.0",
         vehicles=0,
     ),
     "above for at least": Slip(
-        "values:Algebra._normal",
+        "smt.values:Algebra._normal",
         '"above" if factor > 0 else "atleast"',
         '"above"',
         f"{EGO}, {OTHER}, V1 >= V, V1 =< V",
     ),
     "an equation does not hold at the end of a range": Slip(
-        "values:Algebra._zero",
+        "smt.values:Algebra._zero",
         "low is not None and low > 0",
         "low is not None and low >= 0",
         f"{EGO}, V =:= 0.0",
         vehicles=0,
     ),
     "the least of two is the one that may be less": Slip(
-        "values:Algebra._never_better",
+        "smt.values:Algebra._never_better",
         "low >= 0",
         "(high is None or high >= 0)",
         f"{EGO}, min(V, 10.0) > 0.5",
         vehicles=0,
     ),
     "all for some": Slip(
-        "values:Algebra._less_structured",
+        "smt.values:Algebra._less_structured",
         "some = one.least",
         "some = not one.least",
         f"{EGO}, V >= 1.0, min(V, VY) < -5.0",
         vehicles=0,
     ),
     "a choice is turned round": Slip(
-        "values:Algebra.choose",
+        "smt.values:Algebra.choose",
         "self.choose(cond.args[0], els, then)",
         "self.choose(cond.args[0], then, els)",
         f"{EGO}, VY < -1.0, sign(VY) < -0.5",
         vehicles=0,
     ),
     "the factor of a divisor": Slip(
-        "values:Algebra.divide",
+        "smt.values:Algebra.divide",
         "monomial): Fraction(1, factor)}",
         "monomial): Fraction(factor)}",
         f"{EGO}, V > 6.0, V < 15.0, 10.0 / (2.0 * V) < 1.0",
         vehicles=0,
     ),
     "the negative of a least is a least": Slip(
-        "values:Algebra.leafwise",
+        "smt.values:Algebra.leafwise",
         "value.least is not turns",
         "value.least",
         f"{EGO}, 10.0 - min(V, 5.0) > 8.0",
         vehicles=0,
     ),
     "the lemma of a product says the opposite": Slip(
-        "values:Algebra._sign_beside",
+        "smt.values:Algebra._sign_beside",
         "booleans.choose(product, factor, booleans.not_(factor))",
         "booleans.choose(product, booleans.not_(factor), factor)",
         f"{EGO}, D is W * V - 10.0 * W, D > 0.0, D > 0.5",
         vehicles=0,
     ),
     "argmin for argmax": Slip(
-        "formula:Formula._best",
+        "smt.formula:Formula._best",
         'if node.op == "argmin"',
         'if node.op == "argmax"',
         "aggregate_all(min(S, A), (vehicle(A, _, _, _, S, _, _, _), A \\== ego), min(_, C)), "
@@ -194,7 +194,7 @@ SLIPS: dict[str, Slip] = {
         vehicles=3,
     ),
     "the first of the others is left out": Slip(
-        "formula:Formula._rows_of",
+        "smt.formula:Formula._rows_of",
         'start = int(rows.op == "others")',
         'start = 2 * int(rows.op == "others")',
         f"{OTHER}, V1 > 60.0",
@@ -207,20 +207,20 @@ SLIPS: dict[str, Slip] = {
         vehicles=6,
     ),
     "others go the ego's way": Slip(
-        "symbolic:SymbolicScene._vehicle_box",
+        "smt.symbolic:SymbolicScene._vehicle_box",
         'self._unknown("speed", f"{name}_speed")',
         'self._unknown("ego_speed", f"{name}_speed")',
         f"{EGO}, {OTHER}, V > 1.0, V1 < -10.0",
         "",
     ),
     "half of a lane": Slip(
-        "symbolic:SymbolicScene._in_its_lane",
+        "smt.symbolic:SymbolicScene._in_its_lane",
         "half = ring.scale(width, _HALF)",
         "half = ring.scale(width, _HALF * _HALF)",
         f"{OTHER}, vehicle(C, K, _, _, _, _, _, _), road_lane(K, _, Y2, W2, _), abs(Y1 - Y2) > 0.4 * W2",
     ),
     "the strip between the directions is forgotten": Slip(
-        "symbolic:SymbolicScene._lanes",
+        "smt.symbolic:SymbolicScene._lanes",
         "is not case.direction(inner)",
         "is case.direction(inner)",
         "road_lane(1, D1, Y1, W1, _), road_lane(2, D2, Y2, W2, _), D1 \\== D2, Y2 - Y1 > (W1 + W2) / 2 + 1.0",
@@ -228,20 +228,20 @@ SLIPS: dict[str, Slip] = {
         cases=(Case(1, 1, 1, 1),),
     ),
     "the end of a range is left out": Slip(
-        "solver:Solver._add_bounds",
+        "smt.solver:Solver._add_bounds",
         "term <= self._rational(high)",
         "term < self._rational(high)",
         f"{EGO}, V =:= 70.0",
         vehicles=0,
     ),
     "not above for below": Slip(
-        "solver:Solver._comparison",
+        "smt.solver:Solver._comparison",
         "value > 0 if positive else value <= 0",
         "value > 0 if positive else value < 0",
         f"{EGO}, {OTHER}, V1 =< V, V1 >= V, V1 - 10.0 =< 0.0, V1 - 10.0 >= 0.0",
     ),
     "the bounds of unknowns are no part of a question": Slip(
-        "signature:signature",
+        "smt.signature:signature",
         "[ring.unknowns[number].bounds for number in writer.unknowns]",
         "[]",
         "moment(T), later(R), T + R > 300.05, 2.0 * T + R < 300.06",
@@ -259,7 +259,7 @@ SLIPS: dict[str, Slip] = {
         vehicles=0,
     ),
     "a constant loses its fraction": Slip(
-        "values:Algebra.number",
+        "smt.values:Algebra.number",
         "Fraction(repr(value)) if isinstance(value, float)",
         "Fraction(int(value)) if isinstance(value, float)",
         f"{EGO}, V < 0.5",

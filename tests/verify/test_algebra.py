@@ -12,9 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.verify.booleans import Bool
-from drlsl.verify.solver import Solver
-from drlsl.verify.values import Algebra, Value
+from drlsl.verify.smt import Algebra, Bool, Solver, Value
 
 RANGES: Final = ((Fraction(-20), Fraction(20)), (Fraction(0), Fraction(20)), (Fraction(1, 4), Fraction(20)))
 """Of the unknowns: of either sign, not negative, positive."""

@@ -10,17 +10,17 @@ import pytest
 
 from drlsl.driving.scene import EGO
 from drlsl.driving.shield import default_rules
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Answer, lower
-from drlsl.logic.lowering.numpy_backend import ArrayProgram, compile_numpy
-from drlsl.logic.lowering.unfold import deep_recursion
+from drlsl.lowering.backends import ArrayProgram, compile_numpy
+from drlsl.lowering.frontend import Answer, deep_recursion, lower
+from drlsl.lowering.ir import NotLowerable
+from drlsl.verify import Case
 from drlsl.verify.attack import Attack, Orders, attack
-from drlsl.verify.closeness import Closeness
-from drlsl.verify.drawing import Drawn, Layout, draw
-from drlsl.verify.drawn_facts import array_facts, exact_facts, float_facts, scene_of
-from drlsl.verify.exact import judge
+from drlsl.verify.attack.closeness import Closeness
+from drlsl.verify.attack.exact import judge
+from drlsl.verify.attack.sampled_facts import array_facts, exact_facts, float_facts, scene_of
+from drlsl.verify.attack.sampling import Drawn, Layout, draw
 from drlsl.verify.properties import Book, load
-from drlsl.verify.ranges import Case, all_cases
+from drlsl.verify.ranges import all_cases
 from tests.verify.test_dynamics import DYNAMICS, MOTION_SLIPS, SLIPS, changed
 from tests.verify.test_prove import MUTANTS, mutated
 

@@ -9,10 +9,10 @@ import pytest
 
 from drlsl.driving.shield import default_rules
 from drlsl.errors import UserError
+from drlsl.verify import Case, Request, Result, verify
+from drlsl.verify.confirmation import Replay
 from drlsl.verify.properties import load
-from drlsl.verify.ranges import Case, all_cases
-from drlsl.verify.replay import Replay
-from drlsl.verify.report import Request, Result, verify
+from drlsl.verify.ranges import all_cases
 
 RULES = default_rules()[0].parent
 DYNAMICS = RULES / "dynamics.pl"

@@ -11,16 +11,12 @@ from hypothesis import strategies as st
 from drlsl.driving.scene import SCHEMA, Facts, Road, Scene, Vehicle, road_facts, scene_facts
 from drlsl.driving.shield import default_rules
 from drlsl.logic import Engine
-from drlsl.logic.lowering.lower import Lowered, Query, lower
-from drlsl.logic.lowering.scalar import Scalar, compile_scalar
 from drlsl.logic.terms import Atom
+from drlsl.lowering.backends import Scalar, compile_scalar
+from drlsl.lowering.frontend import Lowered, Query, lower
 from drlsl.traffic import Direction, Lane
-from drlsl.verify.booleans import Bool
-from drlsl.verify.formula import Formula, Row
-from drlsl.verify.ranges import RANGES, Case
-from drlsl.verify.solver import Solver
-from drlsl.verify.symbolic import SymbolicScene
-from drlsl.verify.values import Algebra
+from drlsl.verify import RANGES, Case
+from drlsl.verify.smt import Algebra, Bool, Formula, Row, Solver, SymbolicScene
 
 QUESTIONS = {
     "left": "safe_actions(left_lane_change)",

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from drlsl.driving.shield import default_rules
-from drlsl.logic.lowering.ir import Node, Pool, reach
-from drlsl.logic.lowering.unfold import deep_recursion
-from drlsl.verify.assumed import Simplifier
-from drlsl.verify.drawn_facts import ExactFacts
-from drlsl.verify.exact import _Exact, _Floats, judge
-from drlsl.verify.intervals import Context, Values
-from drlsl.verify.margins import USUAL_MARGIN, Floats
-from drlsl.verify.ordering import Order
-from drlsl.verify.prove import Prover
-from drlsl.verify.ranges import RANGES
-from drlsl.verify.rounding import Approximation
+from drlsl.lowering.frontend import deep_recursion
+from drlsl.lowering.ir import Node, Pool, reach
+from drlsl.verify import RANGES, Prover
+from drlsl.verify.attack.exact import _Exact, _Floats, judge
+from drlsl.verify.attack.sampled_facts import ExactFacts
+from drlsl.verify.floats import Floats
+from drlsl.verify.floats.assumed import Simplifier
+from drlsl.verify.floats.intervals import Context, Values
+from drlsl.verify.floats.margins import USUAL_MARGIN
+from drlsl.verify.floats.ordering import Order
+from drlsl.verify.floats.rounding import Approximation
 
 RULES = default_rules()[0].parent
 EGO = "vehicle(ego,_,_,_,V,_,_,_)"

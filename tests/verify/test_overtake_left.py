@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from drlsl.driving.shield import default_rules
-from drlsl.verify.ranges import Case
-from drlsl.verify.report import Request, verify
+from drlsl.verify import Case, Request, verify
 
 RULES = default_rules()[0].parent
 LEFT, PROPERTIES = RULES / "overtake_left.pl", RULES / "overtake_left.properties.pl"

@@ -11,11 +11,10 @@ import pytest
 
 from drlsl.driving.scene import load_scene
 from drlsl.driving.shield import Shield, default_rules
-from drlsl.verify.gallery import write_counterexample
+from drlsl.verify import Case, Request, Result, verify, write_counterexample
+from drlsl.verify.confirmation import Replay
 from drlsl.verify.properties import load
-from drlsl.verify.ranges import Case, all_cases
-from drlsl.verify.replay import Replay
-from drlsl.verify.report import Request, Result, verify
+from drlsl.verify.ranges import all_cases
 
 RULES = default_rules()[0].parent
 TWO_LANES = Case(0, 2, 1, 1)

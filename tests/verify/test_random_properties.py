@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from drlsl.driving.scene import EGO, Scene, Vehicle, road_facts, scene_facts
-from drlsl.logic.lowering.errors import NotLowerable, Undecided
-from drlsl.logic.lowering.lower import lower
-from drlsl.logic.lowering.scalar import compile_scalar
+from drlsl.lowering.backends import compile_scalar
+from drlsl.lowering.frontend import lower
+from drlsl.lowering.ir import NotLowerable, Undecided
 from drlsl.verify.properties import load
 from drlsl.verify.scope import witnesses
 from scripts.random_properties import BROKEN, examine, main

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from drlsl.logic.lowering.numbers import FUNCTIONS
-from drlsl.verify import rounding
-from drlsl.verify.rounding import Approximation
+from drlsl.lowering.ir import FUNCTIONS
+from drlsl.verify.floats import rounding
+from drlsl.verify.floats.rounding import Approximation
 
 mpmath = pytest.importorskip("mpmath")
 mpmath.mp.prec = 400

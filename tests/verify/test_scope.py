@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 
 from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
-from drlsl.logic.lowering.lower import Query, lower
-from drlsl.logic.lowering.scalar import compile_scalar
+from drlsl.lowering.backends import compile_scalar
+from drlsl.lowering.frontend import Query, lower
 from drlsl.verify.properties import FACTS, load
 from drlsl.verify.scope import witnesses
 from tests.scenes import scenes

@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 import drlsl.cli
-from drlsl.verify.ranges import Case
-from drlsl.verify.report import Request, verify
-from drlsl.verify.second import Answer, Cvc5, Judges, SolversDisagree
-from drlsl.verify.solver import Solver
-from drlsl.verify.values import Algebra
+from drlsl.verify import Case, Request, verify
+from drlsl.verify.smt import Algebra, Judges, Solver
+from drlsl.verify.smt.second import Answer, Cvc5, SolversDisagree
 from tests.verify.test_algebra import Frame
 
 pytest.importorskip("cvc5", reason="the extra cvc5")
@@ -48,7 +46,7 @@ def questions() -> tuple[Algebra, Solver]:
 def test_a_false_none_of_the_first_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     algebra, solver = questions()
     x = algebra.ring.unknown("x", Fraction(0), Fraction(9))
-    from drlsl.verify.solver import Outcome
+    from drlsl.verify.smt import Outcome
 
     monkeypatch.setattr(Solver, "_by_z3", lambda *_: Outcome("none"))
     with pytest.raises(SolversDisagree, match="z3 says that no scene"):

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.verify import ranges
-from drlsl.verify.report import Request, Result, verify
+from drlsl.verify import Request, Result, ranges, verify
 from tests.verify.slips import SLIPS
 
 SAMPLE = (

@@ -8,11 +8,10 @@ from fractions import Fraction
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.verify.booleans import Bool
-from drlsl.verify.polynomials import Polynomial
-from drlsl.verify.signature import signature
-from drlsl.verify.symbolic import evaluate
-from drlsl.verify.values import Algebra, Choice, Value
+from drlsl.verify.smt import Algebra, Bool, Polynomial, Value
+from drlsl.verify.smt.signature import signature
+from drlsl.verify.smt.symbolic import evaluate
+from drlsl.verify.smt.values import Choice
 
 NUMBERS = st.fractions(min_value=-20, max_value=20, max_denominator=8)
 POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS)

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
+from drlsl.counterfactual import Answer, Finding, what_if
 from drlsl.driving.scene import Action, Scene, Vehicle, load_scene
 from drlsl.driving.shield import RuleFailure, Shield, default_rules
 from drlsl.driving.shield.compiled import ScalarTier
 from drlsl.errors import UserError
-from drlsl.verify.whatif import Answer, Finding, what_if
 from tests.scenes import road, scenes, turned
 
 RULES = default_rules()[0].parent

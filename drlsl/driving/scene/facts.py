@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, TypeAlias
 
 from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
-from drlsl.logic.lowering.schema import Relation, Schema
+from drlsl.lowering.ir import Relation, Schema
 
 Row: TypeAlias = tuple[str | int | float, ...]
 Facts: TypeAlias = dict[tuple[str, int], list[Row]]

@@ -27,12 +27,9 @@ from drlsl.driving.shield.decision import OBSERVATION_SIZE, Decision, Decisions,
 from drlsl.driving.shield.questions import ACTIONS, ENTRY, FREE, LANE, QUESTIONS, SPEED, STATE, Question
 from drlsl.driving.shield.tier import SceneTier, Undecidable
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import BatchAnswer, BatchProgram, Rows
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.forms import array_forms
-from drlsl.logic.lowering.lower import Lowered, Query, lower
-from drlsl.logic.lowering.scalar import compile_scalar
-from drlsl.logic.lowering.schema import Relation
+from drlsl.lowering.backends import BatchAnswer, BatchProgram, Rows, compile_scalar
+from drlsl.lowering.frontend import Lowered, Query, array_forms, lower
+from drlsl.lowering.ir import NotLowerable, Relation
 
 Mask: TypeAlias = npt.NDArray[np.bool_]
 

@@ -15,10 +15,9 @@ from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.tier import Tier, Undecidable
 from drlsl.errors import UserError
 from drlsl.logic import Engine
-from drlsl.logic.lowering.batch_program import BatchProgram
-from drlsl.logic.lowering.errors import NotLowerable
-from drlsl.logic.lowering.lower import Lowered
-from drlsl.logic.lowering.numpy_backend import compile_numpy
+from drlsl.lowering.backends import BatchProgram, compile_numpy
+from drlsl.lowering.frontend import Lowered
+from drlsl.lowering.ir import NotLowerable
 from drlsl.traffic import cache_folder
 
 _LOG: Final = logging.getLogger(__name__)
@@ -88,11 +87,11 @@ def _compiler(name: str) -> Callable[[Lowered], BatchProgram[Any]]:
     if name == "numpy":
         return compile_numpy
     if name == "torch":
-        from drlsl.logic.lowering.torch_backend import compile_torch
+        from drlsl.lowering.backends import compile_torch
 
         return compile_torch
     if find_spec("numba") is None:
         raise UserError("the numba tier needs numba, which is not installed: pip install 'drlsl[fast]'")
-    from drlsl.logic.lowering.numba_backend import compile_numba
+    from drlsl.lowering.backends import compile_numba
 
     return partial(compile_numba, folder=cache_folder() / "rules")

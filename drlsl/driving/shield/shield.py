@@ -181,9 +181,7 @@ class Shield:
 
     def _tier(self) -> Tier:
         if self._chosen_tier is None:
-            from drlsl.driving.shield.dispatch import (
-                choose_tier,  # NumPy: loaded only where batches are asked
-            )
+            from drlsl.driving.shield.dispatch import choose_tier
 
             self._chosen_tier = choose_tier(self._requested_tier, self._interpreter)
             _LOG.info("the rules run on the %s tier", self._chosen_tier.name)

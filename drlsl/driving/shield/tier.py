@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure
-from drlsl.logic.lowering.errors import Undecided
+from drlsl.lowering.ir import Undecided
 
 if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch

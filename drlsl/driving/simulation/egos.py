@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.scene import CENTRE_TOLERANCE, Action
-from drlsl.driving.simulation.control import LaneController, SpeedController, move, move_forward
+from drlsl.driving.simulation.controllers import LaneController, SpeedController, move, move_forward
 from drlsl.driving.simulation.entry import Entry
 from drlsl.driving.simulation.fault import Track
 from drlsl.driving.simulation.playback import Courses

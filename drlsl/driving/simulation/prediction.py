@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.scene import SceneBatch
-from drlsl.driving.simulation.control import LANE_GAIN, LATERAL_SPEED_LIMIT
+from drlsl.driving.simulation.controllers import LANE_GAIN, LATERAL_SPEED_LIMIT
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]

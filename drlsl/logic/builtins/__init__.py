@@ -12,21 +12,31 @@ from drlsl.logic.builtins import (
     strings,
     syntax,
     system,
-    tables,
     termio,
     text,
     types,
 )
+from drlsl.logic.builtins import tabled as tables
+from drlsl.logic.builtins.arguments import indicators, items, unqualified
+from drlsl.logic.builtins.control import begin_findall
+from drlsl.logic.builtins.database import name_term, split_clause
+from drlsl.logic.builtins.inplace import ARITHMETIC
 
 __all__ = [
+    "ARITHMETIC",
     "arith",
+    "begin_findall",
     "compare",
     "control",
     "database",
     "formatting",
+    "indicators",
+    "items",
     "listing",
     "lists",
     "loading",
+    "name_term",
+    "split_clause",
     "strings",
     "syntax",
     "system",
@@ -34,4 +44,5 @@ __all__ = [
     "termio",
     "text",
     "types",
+    "unqualified",
 ]

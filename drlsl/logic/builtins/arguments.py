@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from drlsl.logic.builtins.registry import Machine
+from drlsl.logic.core import Caller, Trail, undo, unify
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
-from drlsl.logic.unify import Trail, undo, unify
 
 # After so many cells, a list is looked at, to be sure that it has an end.
 _LONG_LIST: Final = 50_000
@@ -37,7 +36,7 @@ def not_negative(term: Term) -> int:
     return value
 
 
-def items(term: Term, machine: Machine | None = None) -> list[Term]:
+def items(term: Term, machine: Caller | None = None) -> list[Term]:
     """The elements of the proper list that an argument must be; see `prefix`."""
     found, tail = prefix(term, machine)
     if tail is NIL:
@@ -45,7 +44,7 @@ def items(term: Term, machine: Machine | None = None) -> list[Term]:
     raise instantiation_error() if type(tail) is Var else type_error("list", deref(term))
 
 
-def prefix(term: Term, machine: Machine | None = None) -> tuple[list[Term], Term]:
+def prefix(term: Term, machine: Caller | None = None) -> tuple[list[Term], Term]:
     """The elements of a list as far as it goes, and what follows them: ``[]`` for a proper list.
 
     Of a list that has no end, what follows is the rest from some cell on. The meter of `machine` is told how
@@ -124,7 +123,7 @@ def indicators(term: Term) -> list[tuple[str, int]]:
     return [] if term is NIL else [indicator(term)]
 
 
-def attempt(machine: Machine, left: Term, right: Term) -> bool:
+def attempt(machine: Caller, left: Term, right: Term) -> bool:
     """Unify for good, or leave no binding behind: what a generator needs that goes on after a mismatch."""
     trail: Trail = [machine.meter]
     matches = unify(left, right, trail)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from drlsl.logic.arithmetic import COMPARISONS, evaluate, generator, of_one_type
 from drlsl.logic.builtins.arguments import integer
-from drlsl.logic.builtins.registry import Machine, det
+from drlsl.logic.core import COMPARISONS, Caller, det, evaluate, generator, of_one_type
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import Struct, Term, Var, deref
 
 
 @det("is", 2)
-def is_(machine: Machine, result: Term, expression: Term) -> bool:
+def is_(machine: Caller, result: Term, expression: Term) -> bool:
     """Source: ISO 13211-1, 8.6.1."""
     value = evaluate(expression, machine)
     if type(result) is Var and result.ref is None:
@@ -24,7 +23,7 @@ def is_(machine: Machine, result: Term, expression: Term) -> bool:
 
 def _declare_comparison(name: str, holds: Callable[[Any, Any], bool]) -> None:
     @det(name, 2)
-    def comparison(machine: Machine, left: Term, right: Term) -> bool:
+    def comparison(machine: Caller, left: Term, right: Term) -> bool:
         """Source: ISO 13211-1, 8.7.1."""
         return holds(*of_one_type(evaluate(left, machine), evaluate(right, machine)))
 
@@ -34,7 +33,7 @@ for _name, _holds in COMPARISONS.items():
 
 
 @det("succ", 2)
-def succ(machine: Machine, low: Term, high: Term) -> bool:
+def succ(machine: Caller, low: Term, high: Term) -> bool:
     """The successor of a natural number, either way."""
     low, high = deref(low), deref(high)
     if type(low) is Var:
@@ -56,7 +55,7 @@ def _natural(term: Term) -> int:
 
 
 @det("plus", 3)
-def plus(machine: Machine, left: Term, right: Term, total: Term) -> bool:
+def plus(machine: Caller, left: Term, right: Term, total: Term) -> bool:
     """``left + right =:= total`` for integers of which at most one is unknown."""
     if type(deref(total)) is Var:
         return machine.unify(total, integer(left) + integer(right))
@@ -66,7 +65,7 @@ def plus(machine: Machine, left: Term, right: Term, total: Term) -> bool:
 
 
 @det("set_random", 1)
-def set_random(machine: Machine, option: Term) -> bool:
+def set_random(machine: Caller, option: Term) -> bool:
     """``set_random(seed(S))``: make the engine's random numbers repeatable."""
     option = deref(option)
     if type(option) is Var:
@@ -78,13 +77,13 @@ def set_random(machine: Machine, option: Term) -> bool:
 
 
 @det("random", 1)
-def random(machine: Machine, value: Term) -> bool:
+def random(machine: Caller, value: Term) -> bool:
     """A float in (0, 1)."""
     return machine.unify(value, generator(machine).random())
 
 
 @det("random_between", 3)
-def random_between(machine: Machine, low: Term, high: Term, value: Term) -> bool:
+def random_between(machine: Caller, low: Term, high: Term, value: Term) -> bool:
     """An integer between two bounds, both included."""
     first, last = integer(low), integer(high)
     return first <= last and machine.unify(value, generator(machine).randint(first, last))

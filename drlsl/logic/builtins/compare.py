@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from drlsl.logic.builtins.arguments import check_partial_list, items, not_negative, prefix
-from drlsl.logic.builtins.registry import Machine, det
+from drlsl.logic.core import Caller, compare, det, sort_key, undo, unify, unify_occurs, variant
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import compare, sort_key, undo, unify, unify_occurs, variant
 
 
 @det("=", 2)
-def equal(machine: Machine, left: Term, right: Term) -> bool:
+def equal(machine: Caller, left: Term, right: Term) -> bool:
     """Source: ISO 13211-1, 8.2.1; the flag `occurs_check` asks for the occurs check."""
     mode = machine.flags.occurs_check
     if mode == "false":
@@ -29,7 +28,7 @@ def equal(machine: Machine, left: Term, right: Term) -> bool:
 
 
 @det("\\=", 2)
-def not_unifiable(machine: Machine, left: Term, right: Term) -> bool:
+def not_unifiable(machine: Caller, left: Term, right: Term) -> bool:
     trail: list[Any] = [machine.meter]
     unifiable = unify(left, right, trail)
     undo(trail, 1)
@@ -37,7 +36,7 @@ def not_unifiable(machine: Machine, left: Term, right: Term) -> bool:
 
 
 @det("unify_with_occurs_check", 2)
-def unify_with_occurs_check(machine: Machine, left: Term, right: Term) -> bool:
+def unify_with_occurs_check(machine: Caller, left: Term, right: Term) -> bool:
     """Source: ISO 13211-1, 8.2.2."""
     trail: list[Any] = [machine.meter]
     sound = unify_occurs(left, right, trail)
@@ -46,48 +45,48 @@ def unify_with_occurs_check(machine: Machine, left: Term, right: Term) -> bool:
 
 
 @det("==", 2)
-def identical(machine: Machine, left: Term, right: Term) -> bool:
+def identical(machine: Caller, left: Term, right: Term) -> bool:
     return compare(left, right, meter=machine.meter) == 0
 
 
 @det("\\==", 2)
-def not_identical(machine: Machine, left: Term, right: Term) -> bool:
+def not_identical(machine: Caller, left: Term, right: Term) -> bool:
     return compare(left, right, meter=machine.meter) != 0
 
 
 @det("=@=", 2)
-def is_variant(machine: Machine, left: Term, right: Term) -> bool:
+def is_variant(machine: Caller, left: Term, right: Term) -> bool:
     return variant(left, right, machine.meter)
 
 
 @det("\\=@=", 2)
-def is_no_variant(machine: Machine, left: Term, right: Term) -> bool:
+def is_no_variant(machine: Caller, left: Term, right: Term) -> bool:
     return not variant(left, right, machine.meter)
 
 
 @det("?=", 2)
-def decided(machine: Machine, left: Term, right: Term) -> bool:
+def decided(machine: Caller, left: Term, right: Term) -> bool:
     """Whether the terms are identical or cannot be unified."""
     return compare(left, right, meter=machine.meter) == 0 or not_unifiable(machine, left, right)
 
 
 @det("@<", 2)
-def before(machine: Machine, left: Term, right: Term) -> bool:
+def before(machine: Caller, left: Term, right: Term) -> bool:
     return compare(left, right, iso=machine.flags.iso, meter=machine.meter) < 0
 
 
 @det("@>", 2)
-def after(machine: Machine, left: Term, right: Term) -> bool:
+def after(machine: Caller, left: Term, right: Term) -> bool:
     return compare(left, right, iso=machine.flags.iso, meter=machine.meter) > 0
 
 
 @det("@=<", 2)
-def not_after(machine: Machine, left: Term, right: Term) -> bool:
+def not_after(machine: Caller, left: Term, right: Term) -> bool:
     return compare(left, right, iso=machine.flags.iso, meter=machine.meter) <= 0
 
 
 @det("@>=", 2)
-def not_before(machine: Machine, left: Term, right: Term) -> bool:
+def not_before(machine: Caller, left: Term, right: Term) -> bool:
     return compare(left, right, iso=machine.flags.iso, meter=machine.meter) >= 0
 
 
@@ -95,7 +94,7 @@ _ORDERS = {-1: Atom("<"), 0: Atom("="), 1: Atom(">")}
 
 
 @det("compare", 3)
-def compare_terms(machine: Machine, order: Term, left: Term, right: Term) -> bool:
+def compare_terms(machine: Caller, order: Term, left: Term, right: Term) -> bool:
     """Source: ISO 13211-1, 8.4.2."""
     order = deref(order)
     if type(order) is not Var:
@@ -106,7 +105,7 @@ def compare_terms(machine: Machine, order: Term, left: Term, right: Term) -> boo
     return machine.unify(order, _ORDERS[compare(left, right, iso=machine.flags.iso, meter=machine.meter)])
 
 
-def sorted_terms(machine: Machine, terms: list[Term]) -> list[Term]:
+def sorted_terms(machine: Caller, terms: list[Term]) -> list[Term]:
     """The terms in the standard order, duplicates kept."""
     machine.meter.make(2 * len(terms))
     terms = [deref(term) for term in terms]
@@ -118,7 +117,7 @@ def sorted_terms(machine: Machine, terms: list[Term]) -> list[Term]:
     return sorted(terms, key=sort_key(iso=machine.flags.iso, meter=machine.meter))
 
 
-def without_repeats(machine: Machine, terms: list[Term]) -> list[Term]:
+def without_repeats(machine: Caller, terms: list[Term]) -> list[Term]:
     """A sorted list without the repetitions of identical terms."""
     machine.meter.spend(len(terms))
     kept: list[Term] = []
@@ -129,12 +128,12 @@ def without_repeats(machine: Machine, terms: list[Term]) -> list[Term]:
 
 
 @det("msort", 2)
-def msort(machine: Machine, terms: Term, result: Term) -> bool:
+def msort(machine: Caller, terms: Term, result: Term) -> bool:
     return machine.unify(result, make_list(sorted_terms(machine, items(terms, machine))))
 
 
 @det("sort", 2)
-def sort(machine: Machine, terms: Term, result: Term) -> bool:
+def sort(machine: Caller, terms: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.3."""
     elements = items(terms, machine)
     if machine.flags.iso:
@@ -143,7 +142,7 @@ def sort(machine: Machine, terms: Term, result: Term) -> bool:
 
 
 @det("keysort", 2)
-def keysort(machine: Machine, pairs: Term, result: Term) -> bool:
+def keysort(machine: Caller, pairs: Term, result: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.4.4."""
     elements = [_pair(term) for term in items(pairs, machine)]
     if machine.flags.iso:
@@ -164,7 +163,7 @@ def _pair(term: Term) -> Struct:
 
 
 @det("sort", 4)
-def sort_by(machine: Machine, key: Term, order: Term, terms: Term, result: Term) -> bool:
+def sort_by(machine: Caller, key: Term, order: Term, terms: Term, result: Term) -> bool:
     """Sort by an argument (0: the whole term), ``@<`` and ``@>`` dropping terms of equal keys."""
     position = not_negative(key)
     order = deref(order)

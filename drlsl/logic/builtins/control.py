@@ -5,12 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-from drlsl.logic.body import CALL, CONTROL, DET, callable_parts
 from drlsl.logic.builtins.arguments import check_partial_list, integer, prefix
 from drlsl.logic.builtins.lists import check_result
-from drlsl.logic.builtins.registry import Machine as Builtins
-from drlsl.logic.builtins.registry import control, det, nondet
-from drlsl.logic.dcg import translate_body
+from drlsl.logic.core import (
+    CALL,
+    CONTROL,
+    DET,
+    FAIL,
+    Caller,
+    CatchPoint,
+    Machine,
+    Task,
+    callable_parts,
+    collect,
+    control,
+    copy_term,
+    det,
+    enter,
+    exit_catch,
+    exit_cleanup,
+    leave_catch,
+    leave_cleanup,
+    nondet,
+    start_generator,
+    term_variables,
+    told,
+    translate_body,
+)
 from drlsl.logic.errors import (
     Halt,
     PrologError,
@@ -19,22 +40,7 @@ from drlsl.logic.errors import (
     representation_error,
     type_error,
 )
-from drlsl.logic.solver import (
-    FAIL,
-    CatchPoint,
-    Machine,
-    Task,
-    collect,
-    enter,
-    exit_catch,
-    exit_cleanup,
-    leave_catch,
-    leave_cleanup,
-    start_generator,
-    told,
-)
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import copy_term, term_variables
 
 
 def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Task) -> Task:
@@ -150,7 +156,7 @@ def _start_cleanup(machine: Machine, task: Task) -> Task:
 
 
 @det("throw", 1)
-def throw(machine: Builtins, ball: Term) -> bool:
+def throw(machine: Caller, ball: Term) -> bool:
     """Source: ISO 13211-1, 7.8.10."""
     ball = copy_term(ball, meter=machine.meter)
     if type(ball) is Var:
@@ -219,12 +225,12 @@ _HIGHEST_STATUS: Final = 2**31 - 1
 
 
 @det("halt", 0)
-def halt(_machine: Builtins) -> bool:
+def halt(_machine: Caller) -> bool:
     raise Halt(0)
 
 
 @det("halt", 1)
-def halt_with_status(_machine: Builtins, status: Term) -> bool:
+def halt_with_status(_machine: Caller, status: Term) -> bool:
     code = integer(status)
     if not -_HIGHEST_STATUS <= code <= _HIGHEST_STATUS:
         raise representation_error("exit_status")
@@ -232,13 +238,13 @@ def halt_with_status(_machine: Builtins, status: Term) -> bool:
 
 
 @nondet("repeat", 0)
-def repeat(_machine: Builtins) -> Iterator[None]:
+def repeat(_machine: Caller) -> Iterator[None]:
     while True:
         yield
 
 
 @nondet("between", 3)
-def between(machine: Builtins, low: Term, high: Term, value: Term) -> Iterator[bool | None]:
+def between(machine: Caller, low: Term, high: Term, value: Term) -> Iterator[bool | None]:
     start = integer(low)
     last = deref(high)
     endless = type(last) is Atom and last.name in ("inf", "infinite")

@@ -9,14 +9,27 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Final
 
-from drlsl.logic.body import callable_parts, check_body
 from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators, unqualified
-from drlsl.logic.builtins.registry import CONTROL, DET, NONDET, Machine, det, nondet
-from drlsl.logic.deep import Deep, run_deep
+from drlsl.logic.core import (
+    CONTROL_BUILTINS,
+    DET_BUILTINS,
+    NONDET_BUILTINS,
+    Caller,
+    Clause,
+    Deep,
+    Predicate,
+    Trail,
+    callable_parts,
+    check_body,
+    copy_term,
+    det,
+    nondet,
+    run_deep,
+    undo,
+    unify,
+)
 from drlsl.logic.errors import existence_error, permission_error, representation_error, type_error
-from drlsl.logic.program import Clause, Predicate
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, is_acyclic
-from drlsl.logic.unify import Trail, copy_term, undo, unify
 
 # Trying a clause takes as long as so many steps of a walk.
 _STEPS_OF_CLAUSE: Final = 10
@@ -25,7 +38,7 @@ _STEPS_OF_CLAUSE: Final = 10
 def is_builtin(name: str, arity: int) -> bool:
     """Whether the engine itself provides a predicate that no program may change."""
     key = name, arity
-    return key in DET or key in NONDET or key in CONTROL
+    return key in DET_BUILTINS or key in NONDET_BUILTINS or key in CONTROL_BUILTINS
 
 
 def name_term(name: str, arity: int) -> Struct:
@@ -73,7 +86,7 @@ def _with_calls_inside(goal: Term) -> Deep[Term]:
     return goal
 
 
-def _new_clause(machine: Machine, term: Term) -> Clause:
+def _new_clause(machine: Caller, term: Term) -> Clause:
     copied = copy_term(term, meter=machine.meter)
     if not is_acyclic(copied):
         raise representation_error("acyclic_term")
@@ -81,7 +94,7 @@ def _new_clause(machine: Machine, term: Term) -> Clause:
     return Clause(head, body)
 
 
-def _to_modify(machine: Machine, name: str, arity: int) -> Predicate:
+def _to_modify(machine: Caller, name: str, arity: int) -> Predicate:
     """The dynamic predicate of that name and arity, made when there was none."""
     predicate = machine.program.get(name, arity)
     if not predicate.dynamic:
@@ -93,7 +106,7 @@ def _to_modify(machine: Machine, name: str, arity: int) -> Predicate:
 
 @det("assertz", 1)
 @det("assert", 1)
-def assertz(machine: Machine, term: Term) -> bool:
+def assertz(machine: Caller, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.2."""
     clause = _new_clause(machine, term)
     name, args = callable_parts(clause.head)
@@ -102,7 +115,7 @@ def assertz(machine: Machine, term: Term) -> bool:
 
 
 @det("asserta", 1)
-def asserta(machine: Machine, term: Term) -> bool:
+def asserta(machine: Caller, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.1."""
     clause = _new_clause(machine, term)
     name, args = callable_parts(clause.head)
@@ -110,9 +123,7 @@ def asserta(machine: Machine, term: Term) -> bool:
     return True
 
 
-def _matching(
-    machine: Machine, predicate: Predicate, head: Term, body: Term
-) -> Iterator[tuple[Clause, bool]]:
+def _matching(machine: Caller, predicate: Predicate, head: Term, body: Term) -> Iterator[tuple[Clause, bool]]:
     """Unify with each clause that was there at first; yields those that match, and whether it is the last."""
     args = callable_parts(head)[1]
     stored = predicate.stored_clauses()
@@ -131,7 +142,7 @@ def _matching(
 
 
 @nondet("clause", 2)
-def clause(machine: Machine, head: Term, body: Term) -> Iterator[bool | None]:
+def clause(machine: Caller, head: Term, body: Term) -> Iterator[bool | None]:
     """Source: ISO 13211-1, 8.8.1."""
     name, args = callable_parts(head)
     body = deref(body)
@@ -149,7 +160,7 @@ def clause(machine: Machine, head: Term, body: Term) -> Iterator[bool | None]:
 
 
 @nondet("retract", 1)
-def retract(machine: Machine, term: Term) -> Iterator[bool | None]:
+def retract(machine: Caller, term: Term) -> Iterator[bool | None]:
     """Source: ISO 13211-1, 8.9.3."""
     term = unqualified(term)
     head: Term = term
@@ -170,7 +181,7 @@ def retract(machine: Machine, term: Term) -> Iterator[bool | None]:
 
 
 @det("retractall", 1)
-def retractall(machine: Machine, head: Term) -> bool:
+def retractall(machine: Caller, head: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.9.5."""
     head = unqualified(head)
     name, args = callable_parts(head)
@@ -195,7 +206,7 @@ def retractall(machine: Machine, head: Term) -> bool:
 
 
 @det("abolish", 1)
-def abolish(machine: Machine, term: Term) -> bool:
+def abolish(machine: Caller, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.4."""
     name, arity = indicator(term)
     predicate = machine.program.find(name, arity)
@@ -207,7 +218,7 @@ def abolish(machine: Machine, term: Term) -> bool:
     return True
 
 
-def declare(machine: Machine, specification: Term, *, what: str) -> bool:
+def declare(machine: Caller, specification: Term, *, what: str) -> bool:
     """Give predicates a property; all of them, or none when one of them is a builtin."""
     named = indicators(specification)
     for name, arity in named:
@@ -232,7 +243,7 @@ det("multifile", 1)(partial(declare, what="multifile"))
 
 
 @nondet("current_predicate", 1)
-def current_predicate(machine: Machine, term: Term) -> Iterator[bool | None]:
+def current_predicate(machine: Caller, term: Term) -> Iterator[bool | None]:
     """Source: ISO 13211-1, 8.8.2."""
     term = deref(term)
     name: Term = Var()
@@ -258,7 +269,7 @@ def current_predicate(machine: Machine, term: Term) -> Iterator[bool | None]:
 
 
 @nondet("predicate_property", 2)
-def predicate_property(machine: Machine, head: Term, wanted: Term) -> Iterator[bool | None]:
+def predicate_property(machine: Caller, head: Term, wanted: Term) -> Iterator[bool | None]:
     """What is known of the predicate of a head: dynamic, defined, built_in, number_of_clauses(N)."""
     head = deref(head)
     if type(head) is Var:
@@ -299,13 +310,13 @@ def _properties(predicate: Predicate) -> list[Term]:
 
 
 @det("nb_setval", 2)
-def nb_setval(machine: Machine, key: Term, value: Term) -> bool:
+def nb_setval(machine: Caller, key: Term, value: Term) -> bool:
     machine.globals[atom(key).name] = copy_term(value, meter=machine.meter)
     return True
 
 
 @det("b_setval", 2)
-def b_setval(machine: Machine, key: Term, value: Term) -> bool:
+def b_setval(machine: Caller, key: Term, value: Term) -> bool:
     name = atom(key).name
     known = machine.globals
     before = known.get(name)
@@ -323,7 +334,7 @@ def b_setval(machine: Machine, key: Term, value: Term) -> bool:
 
 @det("nb_getval", 2)
 @det("b_getval", 2)
-def getval(machine: Machine, key: Term, value: Term) -> bool:
+def getval(machine: Caller, key: Term, value: Term) -> bool:
     name = atom(key)
     found = machine.globals.get(name.name)
     if found is None:
@@ -332,7 +343,7 @@ def getval(machine: Machine, key: Term, value: Term) -> bool:
 
 
 @nondet("nb_current", 2)
-def nb_current(machine: Machine, key: Term, value: Term) -> Iterator[bool | None]:
+def nb_current(machine: Caller, key: Term, value: Term) -> Iterator[bool | None]:
     """The global variables and their values."""
     for name, known in list(machine.globals.items()):
         if attempt(machine, Struct("-", (key, value)), Struct("-", (Atom(name), known))):

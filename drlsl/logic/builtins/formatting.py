@@ -6,13 +6,11 @@ import re
 import sys
 from collections.abc import Callable
 
-from drlsl.logic.arithmetic import evaluate, to_float
 from drlsl.logic.builtins.arguments import prefix
-from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.strings import text
 from drlsl.logic.builtins.termio import emit, output_stream, pending_column, sink_maker
 from drlsl.logic.builtins.text import any_text, check_size, is_code, join
-from drlsl.logic.digits import decimal_digits
+from drlsl.logic.core import Caller, det, evaluate, to_float
 from drlsl.logic.errors import (
     PrologError,
     error_from_term,
@@ -21,8 +19,7 @@ from drlsl.logic.errors import (
     representation_error,
     resource_error,
 )
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
-from drlsl.logic.writer import format_term
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, decimal_digits, deref, format_term
 
 _DIRECTIVE = re.compile(r"~(?:(\*)|`([\s\S])|([0-9]+))?([\s\S]?)")
 _STEPS_OF_DIRECTIVE = 8
@@ -32,18 +29,18 @@ _DIGITS = "0123456789abcdefghijklmnopqrstuvwxyz"
 
 
 @det("format", 1)
-def format_1(machine: Machine, template: Term) -> bool:
+def format_1(machine: Caller, template: Term) -> bool:
     return format_2(machine, template, NIL)
 
 
 @det("format", 2)
-def format_2(machine: Machine, template: Term, arguments: Term) -> bool:
+def format_2(machine: Caller, template: Term, arguments: Term) -> bool:
     column = pending_column(machine, machine.output)
     return emit(machine, formatted(machine, template, arguments, column))
 
 
 @det("format", 3)
-def format_3(machine: Machine, sink: Term, template: Term, arguments: Term) -> bool:
+def format_3(machine: Caller, sink: Term, template: Term, arguments: Term) -> bool:
     target = deref(sink)
     if isinstance(target, Struct):
         make = sink_maker(target)
@@ -52,7 +49,7 @@ def format_3(machine: Machine, sink: Term, template: Term, arguments: Term) -> b
     return emit(machine, formatted(machine, template, arguments, pending_column(machine, stream)), stream)
 
 
-def formatted(machine: Machine, template: Term, arguments: Term, column: int) -> str:
+def formatted(machine: Caller, template: Term, arguments: Term, column: int) -> str:
     """The text of a template with its arguments, for output that begins at a column."""
     elements, tail = prefix(arguments, machine)
     given = elements if tail is NIL else [arguments]
@@ -64,7 +61,7 @@ def _format_error(message: str) -> PrologError:
 
 
 @det("print_message", 2)
-def print_message(machine: Machine, kind: Term, message: Term) -> bool:
+def print_message(machine: Caller, kind: Term, message: Term) -> bool:
     """Write a message to ``user_error``; ``silent`` ones and those of loading are dropped."""
     level, what = deref(kind), deref(message)
     if isinstance(level, Var):
@@ -84,7 +81,7 @@ def print_message(machine: Machine, kind: Term, message: Term) -> bool:
 class _Format:
     """One run over a template: the text so far, and the stops and fill points of the current column."""
 
-    def __init__(self, machine: Machine, arguments: list[Term], column: int) -> None:
+    def __init__(self, machine: Caller, arguments: list[Term], column: int) -> None:
         self.machine = machine
         self.arguments = arguments
         self.used = 0
@@ -185,32 +182,32 @@ def _integer(letter: str, value: Term) -> int:
     raise _argument_error(letter, value)
 
 
-def _write(machine: Machine, value: Term, _count: int | None) -> str:
+def _write(machine: Caller, value: Term, _count: int | None) -> str:
     return format_term(value, machine.operators, numbervars=True, meter=machine.meter)
 
 
-def _writeq(machine: Machine, value: Term, _count: int | None) -> str:
+def _writeq(machine: Caller, value: Term, _count: int | None) -> str:
     return format_term(value, machine.operators, quoted=True, numbervars=True, meter=machine.meter)
 
 
-def _atom(machine: Machine, value: Term, _count: int | None) -> str:
+def _atom(machine: Caller, value: Term, _count: int | None) -> str:
     if isinstance(value, (Struct, Var)):
         raise _argument_error("a", value)
     return "[]" if value is NIL else any_text(value, machine) or ""
 
 
-def _string(machine: Machine, value: Term, _count: int | None) -> str:
+def _string(machine: Caller, value: Term, _count: int | None) -> str:
     return text(value, machine)
 
 
-def _codes(_machine: Machine, value: Term, count: int | None) -> str:
+def _codes(_machine: Caller, value: Term, count: int | None) -> str:
     code = _integer("c", value)
     if not is_code(code):
         raise representation_error("character_code")
     return chr(code) * (1 if count is None else count)
 
 
-def _decimal(machine: Machine, value: int, places: int | None, group: str) -> str:
+def _decimal(machine: Caller, value: int, places: int | None, group: str) -> str:
     digits = decimal_digits(abs(value), machine.meter)
     fraction = ""
     if places:
@@ -223,16 +220,16 @@ def _decimal(machine: Machine, value: int, places: int | None, group: str) -> st
     return ("-" if value < 0 else "") + digits + fraction
 
 
-def _integer_digits(machine: Machine, value: Term, count: int | None) -> str:
+def _integer_digits(machine: Caller, value: Term, count: int | None) -> str:
     return _decimal(machine, _integer("d", value), count, "")
 
 
-def _grouped_digits(machine: Machine, value: Term, count: int | None) -> str:
+def _grouped_digits(machine: Caller, value: Term, count: int | None) -> str:
     return _decimal(machine, _integer("D", value), count, ",")
 
 
-def _float(letter: str) -> Callable[[Machine, Term, int | None], str]:
-    def convert(machine: Machine, term: Term, count: int | None) -> str:
+def _float(letter: str) -> Callable[[Caller, Term, int | None], str]:
+    def convert(machine: Caller, term: Term, count: int | None) -> str:
         number = evaluate(term, machine)
         places = 6 if count is None else count
         if places > _MOST_PLACES:
@@ -249,8 +246,8 @@ def _float(letter: str) -> Callable[[Machine, Term, int | None], str]:
 _MOST_PLACES = 1_000_000
 
 
-def _radix(upper: bool) -> Callable[[Machine, Term, int | None], str]:
-    def convert(machine: Machine, value: Term, count: int | None) -> str:
+def _radix(upper: bool) -> Callable[[Caller, Term, int | None], str]:
+    def convert(machine: Caller, value: Term, count: int | None) -> str:
         number = _integer("r", value)
         if count is None or not 2 <= count <= 36:
             raise _format_error("~r needs a radix from 2 to 36")
@@ -267,7 +264,7 @@ def _radix(upper: bool) -> Callable[[Machine, Term, int | None], str]:
     return convert
 
 
-_CONVERSIONS: dict[str, Callable[[Machine, Term, int | None], str]] = {
+_CONVERSIONS: dict[str, Callable[[Caller, Term, int | None], str]] = {
     "w": _write,
     "p": _writeq,
     "q": _writeq,

@@ -5,20 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drlsl.logic.builtins.arguments import prefix
-from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.termio import emit, output_stream
+from drlsl.logic.core import Caller, Predicate, copy_term, det, term_variables
 from drlsl.logic.errors import instantiation_error, type_error
 from drlsl.logic.limits import Meter
-from drlsl.logic.program import Predicate
-from drlsl.logic.terms import NIL, TRUE, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
-from drlsl.logic.unify import copy_term, term_variables
-from drlsl.logic.writer import format_atom, format_term
+from drlsl.logic.terms import (
+    NIL,
+    TRUE,
+    Atom,
+    CyclicTerm,
+    Struct,
+    Term,
+    Var,
+    deref,
+    format_atom,
+    format_term,
+    is_acyclic,
+)
 
 _INDENT = "    "
 _BRANCHES = {";": ";   ", "->": "->  ", "*->": "*-> ", "|": "|   "}
 
 
-def portrayed(term: Term, machine: Machine) -> str:
+def portrayed(term: Term, machine: Caller) -> str:
     """The text of a clause, with variables named ``A``, ``B`` ... and ``_`` where they appear once."""
     term = copy_term(term, meter=machine.meter)
     if not is_acyclic(term):
@@ -27,7 +36,7 @@ def portrayed(term: Term, machine: Machine) -> str:
 
 
 class _Layout:
-    def __init__(self, term: Term, machine: Machine) -> None:
+    def __init__(self, term: Term, machine: Caller) -> None:
         self.machine = machine
         self.names = _variable_names(term, machine.meter)
 
@@ -132,17 +141,17 @@ def _variable_names(term: Term, meter: Meter) -> dict[int, str]:
 
 
 @det("portray_clause", 1)
-def portray_clause(machine: Machine, term: Term) -> bool:
+def portray_clause(machine: Caller, term: Term) -> bool:
     return emit(machine, portrayed(term, machine))
 
 
 @det("portray_clause", 2)
-def portray_clause_to(machine: Machine, stream: Term, term: Term) -> bool:
+def portray_clause_to(machine: Caller, stream: Term, term: Term) -> bool:
     return emit(machine, portrayed(term, machine), output_stream(machine, stream))
 
 
 @det("listing", 0)
-def listing_all(machine: Machine) -> bool:
+def listing_all(machine: Caller) -> bool:
     """Every predicate of the program that has clauses or is dynamic."""
     for predicate in list(machine.program.predicates.values()):
         if predicate.defined:
@@ -151,7 +160,7 @@ def listing_all(machine: Machine) -> bool:
 
 
 @det("listing", 1)
-def listing(machine: Machine, what: Term) -> bool:
+def listing(machine: Caller, what: Term) -> bool:
     """The clauses of a name, of ``Name/Arity``, or of each of a list of them."""
     what = deref(what)
     elements, tail = prefix(what, machine)
@@ -178,7 +187,7 @@ def _wanted(what: Term) -> tuple[str, int | None]:
     raise type_error("predicate_indicator", what)
 
 
-def _listed(machine: Machine, predicate: Predicate) -> str:
+def _listed(machine: Caller, predicate: Predicate) -> str:
     text = ""
     if predicate.dynamic:
         text = f":- dynamic {format_atom(predicate.name)}/{predicate.arity}.\n\n"

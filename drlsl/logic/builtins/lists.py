@@ -8,14 +8,13 @@ from operator import itemgetter
 
 from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, prefix
 from drlsl.logic.builtins.compare import sorted_terms, without_repeats
-from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.core import Caller, compare, copy_term, det, nondet, sort_key, term_variables
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import NIL, TRUE, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import compare, copy_term, sort_key, term_variables
 
 
 @nondet("length", 2)
-def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
+def length(machine: Caller, term: Term, size: Term) -> Iterator[bool | None]:
     """The length of a list; enumerates lists where both are unknown."""
     found, tail = prefix(term, machine)
     size = deref(size)
@@ -47,7 +46,7 @@ def length(machine: Machine, term: Term, size: Term) -> Iterator[bool | None]:
 
 
 @det("numlist", 3)
-def numlist(machine: Machine, low: Term, high: Term, result: Term) -> bool:
+def numlist(machine: Caller, low: Term, high: Term, result: Term) -> bool:
     first, last = integer(low), integer(high)
     if first > last:
         return False
@@ -56,7 +55,7 @@ def numlist(machine: Machine, low: Term, high: Term, result: Term) -> bool:
 
 
 @det("list_to_set", 2)
-def list_to_set(machine: Machine, terms: Term, result: Term) -> bool:
+def list_to_set(machine: Caller, terms: Term, result: Term) -> bool:
     """The elements without later ones that are identical to an earlier one."""
     elements = [deref(term) for term in items(terms, machine)]
     key = sort_key(meter=machine.meter)
@@ -71,7 +70,7 @@ def list_to_set(machine: Machine, terms: Term, result: Term) -> bool:
 
 
 @det("$free_variables", 3)
-def free_variables(machine: Machine, scoped: Term, witness: Term, goal: Term) -> bool:
+def free_variables(machine: Caller, scoped: Term, witness: Term, goal: Term) -> bool:
     """From ``Template^Goal``: the free variables as a term, and the goal without ``^``.
 
     Source: ISO 13211-1, 7.1.1.4 (free variables set) and 7.1.6.3 (iterated goal).
@@ -98,14 +97,14 @@ def _in_order(count: int) -> list[Var]:
     return sorted((Var() for _ in range(count)), key=id)
 
 
-def _counted(machine: Machine, pairs: list[Struct]) -> Iterator[Struct]:
+def _counted(machine: Caller, pairs: list[Struct]) -> Iterator[Struct]:
     """Pairs whose witness and template are small, most often: copying these counts no steps of its own."""
     for pair in pairs:
         machine.meter.spend(_STEPS_OF_PAIR)
         yield pair
 
 
-def _groups_by_witness(machine: Machine, pairs: list[Struct]) -> list[list[Struct]]:
+def _groups_by_witness(machine: Caller, pairs: list[Struct]) -> list[list[Struct]]:
     """Pairs whose witnesses are variants of each other, the groups in the order of the witnesses."""
     variables = [term_variables(pair.args[0], machine.meter) for pair in _counted(machine, pairs)]
     stand_ins = _in_order(max(map(len, variables), default=0))
@@ -120,7 +119,7 @@ def _groups_by_witness(machine: Machine, pairs: list[Struct]) -> list[list[Struc
 
 @nondet("$solution_groups", 4)
 def solution_groups(
-    machine: Machine, answers: Term, witness: Term, as_set: Term, found: Term
+    machine: Caller, answers: Term, witness: Term, as_set: Term, found: Term
 ) -> Iterator[bool | None]:
     """The templates of each group of ``Witness-Template`` pairs with variant witnesses, sorted for a set.
 
@@ -148,7 +147,7 @@ def solution_groups(
 
 
 @det("$check_partial_list", 1)
-def check_result(machine: Machine, term: Term) -> bool:
+def check_result(machine: Caller, term: Term) -> bool:
     """Refuse what no list can be unified with; SWI-Prolog only fails then."""
     if machine.flags.iso:
         check_partial_list(term)
@@ -156,6 +155,6 @@ def check_result(machine: Machine, term: Term) -> bool:
 
 
 @det("$check_list", 1)
-def check_list(_machine: Machine, term: Term) -> bool:
+def check_list(_machine: Caller, term: Term) -> bool:
     items(term)
     return True

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from drlsl.logic.builtins.registry import control
+from drlsl.logic.core import FAIL, Machine, Task, control
 from drlsl.logic.errors import existence_error, permission_error
-from drlsl.logic.solver import FAIL, Machine, Task
 from drlsl.logic.terms import Struct, Term
 
 

@@ -10,15 +10,14 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from drlsl.logic.builtins.arguments import attempt, items, prefix
-from drlsl.logic.builtins.registry import Machine, det, nondet
 from drlsl.logic.builtins.text import TRY, any_text, check_size, is_code, join, number_text, sub_text
+from drlsl.logic.core import Caller, det, nondet
 from drlsl.logic.errors import PrologSyntaxError, domain_error, instantiation_error, type_error
-from drlsl.logic.reader import ReadTerm, parse_number, read_term
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.writer import format_term
+from drlsl.logic.syntax import ReadTerm, parse_number, read_term
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, format_term, make_list
 
 
-def text(term: Term, machine: Machine | None = None) -> str:
+def text(term: Term, machine: Caller | None = None) -> str:
     """The text of an argument.
 
     Raises:
@@ -33,7 +32,7 @@ def text(term: Term, machine: Machine | None = None) -> str:
     raise type_error("text", term)
 
 
-def _atomic_text(term: Term, machine: Machine | None = None) -> str:
+def _atomic_text(term: Term, machine: Caller | None = None) -> str:
     term = deref(term)
     if isinstance(term, Var):
         raise instantiation_error()
@@ -47,7 +46,7 @@ def _is_free(term: Term) -> bool:
 
 
 @det("atom_number", 2)
-def atom_number(machine: Machine, atom: Term, number: Term) -> bool:
+def atom_number(machine: Caller, atom: Term, number: Term) -> bool:
     """Fails where the atom is not the text of a number."""
     if not _is_free(atom):
         return _unify_number(machine, _atomic_text(atom, machine), number)
@@ -55,14 +54,14 @@ def atom_number(machine: Machine, atom: Term, number: Term) -> bool:
 
 
 @det("number_string", 2)
-def number_string(machine: Machine, number: Term, string: Term) -> bool:
+def number_string(machine: Caller, number: Term, string: Term) -> bool:
     """Fails where the string is not the text of a number."""
     if not _is_free(string):
         return _unify_number(machine, text(string, machine), number)
     return machine.unify(string, number_text(_number(number), machine))
 
 
-def _unify_number(machine: Machine, characters: str, number: Term) -> bool:
+def _unify_number(machine: Caller, characters: str, number: Term) -> bool:
     if not characters[:1].isprintable() or characters[:1] == " " or characters[:2] in ("- ", "+-"):
         return False
     try:
@@ -83,7 +82,7 @@ def _declare_conversion(name: str, first: Callable[[str], Term], second: Callabl
     """A relation of two texts of the same characters, each made by its function when it is a variable."""
 
     @det(name, 2)
-    def conversion(machine: Machine, left: Term, right: Term) -> bool:
+    def conversion(machine: Caller, left: Term, right: Term) -> bool:
         given, make = (right, first) if _is_free(left) else (left, second)
         characters = text(given, machine)
         machine.meter.make(len(characters)) if make in (_codes, _chars) else check_size(machine, characters)
@@ -111,7 +110,7 @@ _declare_conversion("text_to_string", _string, _string)
 
 def _declare_change(name: str, change: Callable[[str], Term]) -> None:
     @det(name, 2)
-    def changed(machine: Machine, given: Term, result: Term) -> bool:
+    def changed(machine: Caller, given: Term, result: Term) -> bool:
         characters = text(given, machine)
         check_size(machine, characters)
         return machine.unify(result, change(characters))
@@ -125,7 +124,7 @@ _declare_change("downcase_atom", lambda given: Atom(given.lower()))
 
 
 @det("string_code", 3)
-def string_code(machine: Machine, index: Term, string: Term, code: Term) -> bool:
+def string_code(machine: Caller, index: Term, string: Term, code: Term) -> bool:
     """The code of the character at a place that counts from 1; fails outside the string."""
     place = _number(index)
     characters = text(string, machine)
@@ -137,7 +136,7 @@ def string_code(machine: Machine, index: Term, string: Term, code: Term) -> bool
 
 
 def _concat(
-    machine: Machine, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
+    machine: Caller, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
 ) -> Iterator[bool]:
     if not _is_free(first) and not _is_free(second):
         left, right = _atomic_text(first, machine), _atomic_text(second, machine)
@@ -159,12 +158,12 @@ def _concat(
 
 
 @nondet("string_concat", 3)
-def string_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Iterator[bool]:
+def string_concat(machine: Caller, first: Term, second: Term, whole: Term) -> Iterator[bool]:
     return _concat(machine, first, second, whole, _string)
 
 
 @nondet("text_concat", 3)
-def text_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Iterator[bool]:
+def text_concat(machine: Caller, first: Term, second: Term, whole: Term) -> Iterator[bool]:
     """As string_concat/3; the result is a string only if one of the arguments is."""
     string = any(isinstance(deref(part), str) for part in (first, second, whole))
     return _concat(machine, first, second, whole, _string if string else Atom)
@@ -172,14 +171,14 @@ def text_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Ite
 
 @nondet("sub_string", 5)
 def sub_string(
-    machine: Machine, string: Term, before: Term, length: Term, after: Term, sub: Term
+    machine: Caller, string: Term, before: Term, length: Term, after: Term, sub: Term
 ) -> Iterator[bool]:
     known: Term = sub if _is_free(sub) else text(sub, machine)
     return sub_text(machine, text(string, machine), before, length, after, known, _string)
 
 
 @det("split_string", 4)
-def split_string(machine: Machine, string: Term, separators: Term, pad: Term, parts: Term) -> bool:
+def split_string(machine: Caller, string: Term, separators: Term, pad: Term, parts: Term) -> bool:
     """Split at each separator and strip the characters of `pad` from both ends of each part.
 
     A run of separators that are padding too counts as one.
@@ -202,11 +201,11 @@ def split_string(machine: Machine, string: Term, separators: Term, pad: Term, pa
 
 
 @det("atomic_list_concat", 2)
-def atomic_list_concat(machine: Machine, parts: Term, whole: Term) -> bool:
+def atomic_list_concat(machine: Caller, parts: Term, whole: Term) -> bool:
     return machine.unify(whole, Atom(_joined(machine, "", items(parts, machine))))
 
 
-def _joined(machine: Machine, between: str, parts: list[Term]) -> str:
+def _joined(machine: Caller, between: str, parts: list[Term]) -> str:
     """The texts of atomic terms with a text between them."""
     texts: list[str] = []
     for part in parts:
@@ -216,7 +215,7 @@ def _joined(machine: Machine, between: str, parts: list[Term]) -> str:
 
 
 @det("atomic_list_concat", 3)
-def atomic_list_concat_separated(machine: Machine, parts: Term, separator: Term, whole: Term) -> bool:
+def atomic_list_concat_separated(machine: Caller, parts: Term, separator: Term, whole: Term) -> bool:
     """Join atomic terms with a separator, or split an atom at a separator that is not empty."""
     between = _atomic_text(separator, machine)
     elements, tail = prefix(parts, machine)
@@ -231,19 +230,19 @@ def atomic_list_concat_separated(machine: Machine, parts: Term, separator: Term,
     return machine.unify(parts, make_list(map(Atom, text.split(between))))
 
 
-def _read(machine: Machine, characters: Term) -> ReadTerm:
+def _read(machine: Caller, characters: Term) -> ReadTerm:
     """The term that a text denotes."""
     return read_term(text(characters, machine), machine.operators, machine.flags, "user", machine.meter)
 
 
-def written(machine: Machine, term: Term) -> str:
+def written(machine: Caller, term: Term) -> str:
     """A term as writeq/1 writes it."""
     return format_term(term, machine.operators, quoted=True, numbervars=True, meter=machine.meter)
 
 
 def _declare_term_text(name: str, make: Callable[[str], Term]) -> None:
     @det(name, 2)
-    def term_text(machine: Machine, term: Term, characters: Term) -> bool:
+    def term_text(machine: Caller, term: Term, characters: Term) -> bool:
         if _is_free(characters):
             return machine.unify(characters, make(written(machine, term)))
         return machine.unify(term, _read(machine, characters).term)
@@ -254,12 +253,12 @@ _declare_term_text("term_string", _string)
 
 
 @det("read_term_from_atom", 3)
-def read_term_from_atom(machine: Machine, atom: Term, term: Term, _options: Term) -> bool:
+def read_term_from_atom(machine: Caller, atom: Term, term: Term, _options: Term) -> bool:
     return machine.unify(term, _read(machine, atom).term)
 
 
 @det("atom_to_term", 3)
-def atom_to_term(machine: Machine, atom: Term, term: Term, bindings: Term) -> bool:
+def atom_to_term(machine: Caller, atom: Term, term: Term, bindings: Term) -> bool:
     """The term that a text denotes, with its variables as ``Name = Variable``."""
     read = _read(machine, atom)
     named = [Struct("=", (Atom(name), variable)) for name, variable in read.variables.items()]
@@ -267,12 +266,12 @@ def atom_to_term(machine: Machine, atom: Term, term: Term, bindings: Term) -> bo
 
 
 @nondet("char_type", 2)
-def char_type(machine: Machine, char: Term, kind: Term) -> Iterator[bool]:
+def char_type(machine: Caller, char: Term, kind: Term) -> Iterator[bool]:
     return _classify(machine, char, kind, Atom)
 
 
 @nondet("code_type", 2)
-def code_type(machine: Machine, code: Term, kind: Term) -> Iterator[bool]:
+def code_type(machine: Caller, code: Term, kind: Term) -> Iterator[bool]:
     return _classify(machine, code, kind, ord)
 
 
@@ -293,7 +292,7 @@ _CLASSES: Final[dict[str, Callable[[str], bool]]] = {
 }
 
 
-def _classify(machine: Machine, subject: Term, kind: Term, make: Callable[[str], Term]) -> Iterator[bool]:
+def _classify(machine: Caller, subject: Term, kind: Term, make: Callable[[str], Term]) -> Iterator[bool]:
     subject, kind = deref(subject), deref(kind)
     if isinstance(kind, Var):
         raise instantiation_error()
@@ -309,7 +308,7 @@ def _classify(machine: Machine, subject: Term, kind: Term, make: Callable[[str],
         yield True
 
 
-def _belongs(machine: Machine, char: str, kind: Term, make: Callable[[str], Term]) -> bool:
+def _belongs(machine: Caller, char: str, kind: Term, make: Callable[[str], Term]) -> bool:
     if isinstance(kind, Atom) and kind.name in _CLASSES:
         return _CLASSES[kind.name](char)
     if isinstance(kind, Struct) and len(kind.args) == 1:
@@ -317,7 +316,7 @@ def _belongs(machine: Machine, char: str, kind: Term, make: Callable[[str], Term
     raise domain_error("char_type", kind)
 
 
-def _relates(machine: Machine, char: str, kind: Struct, make: Callable[[str], Term]) -> bool:
+def _relates(machine: Caller, char: str, kind: Struct, make: Callable[[str], Term]) -> bool:
     """digit(Weight), to_lower(Lower), to_upper(Upper), upper(Lower), lower(Upper)"""
     argument = kind.args[0]
     if kind.name == "digit":

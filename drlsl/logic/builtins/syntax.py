@@ -8,17 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drlsl.logic.builtins.arguments import attempt, prefix
-from drlsl.logic.builtins.registry import Machine, det, nondet
+from drlsl.logic.core import Caller, det, nondet
 from drlsl.logic.errors import domain_error, instantiation_error, permission_error, type_error
-from drlsl.logic.operators import SPECIFIERS, Operators
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, SPECIFIERS, Atom, Operators, Struct, Term, Var, deref
 
 _HIGHEST = 1200
 _LOWEST_BAR = 1001
 
 
 @det("op", 3)
-def op(machine: Machine, priority: Term, specifier: Term, names: Term) -> bool:
+def op(machine: Caller, priority: Term, specifier: Term, names: Term) -> bool:
     """Define operators, or with priority 0 remove them. Source: ISO 13211-1 8.14.3."""
     level, kind, atoms = _check_op(machine, deref(priority), deref(specifier), deref(names))
     for name in atoms:
@@ -28,7 +27,7 @@ def op(machine: Machine, priority: Term, specifier: Term, names: Term) -> bool:
     return True
 
 
-def _check_op(machine: Machine, priority: Term, specifier: Term, names: Term) -> tuple[int, str, list[str]]:
+def _check_op(machine: Caller, priority: Term, specifier: Term, names: Term) -> tuple[int, str, list[str]]:
     """The arguments of op/3 once they are known to be what the standard asks for, checked in its order."""
     if isinstance(priority, Var) or isinstance(specifier, Var) or isinstance(names, Var):
         raise instantiation_error()
@@ -71,7 +70,7 @@ def _check_operator(operators: Operators, priority: int, specifier: str, name: s
 
 
 @nondet("current_op", 3)
-def current_op(machine: Machine, priority: Term, specifier: Term, name: Term) -> Iterator[None]:
+def current_op(machine: Caller, priority: Term, specifier: Term, name: Term) -> Iterator[None]:
     """Source: ISO 13211-1 8.14.4."""
     level, kind, atom = deref(priority), deref(specifier), deref(name)
     if not isinstance(level, Var) and not (isinstance(level, int) and 0 <= level <= _HIGHEST):
@@ -89,14 +88,14 @@ def current_op(machine: Machine, priority: Term, specifier: Term, name: Term) ->
 
 
 @det("set_prolog_flag", 2)
-def set_prolog_flag(machine: Machine, flag: Term, value: Term) -> bool:
+def set_prolog_flag(machine: Caller, flag: Term, value: Term) -> bool:
     """Source: ISO 13211-1 8.17.1."""
     machine.flags.set(flag, value)
     return True
 
 
 @nondet("current_prolog_flag", 2)
-def current_prolog_flag(machine: Machine, flag: Term, value: Term) -> Iterator[None]:
+def current_prolog_flag(machine: Caller, flag: Term, value: Term) -> Iterator[None]:
     """Source: ISO 13211-1 8.17.2."""
     flag = deref(flag)
     if not isinstance(flag, (Var, Atom)):
@@ -123,7 +122,7 @@ def _character(term: Term) -> Atom:
 
 
 @det("char_conversion", 2)
-def char_conversion(machine: Machine, given: Term, wanted: Term) -> bool:
+def char_conversion(machine: Caller, given: Term, wanted: Term) -> bool:
     """Remember a conversion of unquoted characters. Source: ISO 13211-1 8.14.5."""
     source, target = _character(given), _character(wanted)
     machine.flags.conversions[source.name] = target.name
@@ -131,7 +130,7 @@ def char_conversion(machine: Machine, given: Term, wanted: Term) -> bool:
 
 
 @nondet("current_char_conversion", 2)
-def current_char_conversion(machine: Machine, given: Term, wanted: Term) -> Iterator[None]:
+def current_char_conversion(machine: Caller, given: Term, wanted: Term) -> Iterator[None]:
     """Source: ISO 13211-1 8.14.6."""
     for term in (given, wanted):
         if not isinstance(deref(term), Var):

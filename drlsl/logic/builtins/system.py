@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Final
 
 from drlsl.logic.builtins.arguments import atom, integer, items, prefix
-from drlsl.logic.builtins.registry import Machine, det
 from drlsl.logic.builtins.text import any_text, is_character, is_code
+from drlsl.logic.core import Caller, check_division, compare, copy_term, det, term_variables
 from drlsl.logic.errors import (
     DomainError,
     InstantiationError,
@@ -21,9 +21,7 @@ from drlsl.logic.errors import (
     instantiation_error,
     type_error,
 )
-from drlsl.logic.integers import check_division
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import compare, copy_term, term_variables
 
 
 def _is_list(term: Term) -> bool:
@@ -55,7 +53,7 @@ _LEAST: Final = {"nonneg": 0, "positive_integer": 1}
 
 
 @det("must_be", 2)
-def must_be(machine: Machine, kind: Term, term: Term) -> bool:
+def must_be(machine: Caller, kind: Term, term: Term) -> bool:
     """Succeed where a term is of a type, else raise the error that says what is wrong."""
     kind, term = deref(kind), deref(term)
     if isinstance(kind, Var):
@@ -78,7 +76,7 @@ def must_be(machine: Machine, kind: Term, term: Term) -> bool:
     return True
 
 
-def _must_fit(machine: Machine, kind: Struct, term: Term) -> bool:
+def _must_fit(machine: Caller, kind: Struct, term: Term) -> bool:
     """oneof(List), between(Low, High), list(Type), list_of(Type)"""
     if kind.name in ("list", "list_of") and len(kind.args) == 1:
         return all(must_be(machine, kind.args[0], element) for element in items(term, machine))
@@ -107,7 +105,7 @@ def _outside(domain: Struct, culprit: Term) -> PrologError:
 
 
 @det("is_of_type", 2)
-def is_of_type(machine: Machine, kind: Term, term: Term) -> bool:
+def is_of_type(machine: Caller, kind: Term, term: Term) -> bool:
     """Whether a term is of a type that must_be/2 knows."""
     try:
         return must_be(machine, kind, term)
@@ -117,7 +115,7 @@ def is_of_type(machine: Machine, kind: Term, term: Term) -> bool:
 
 def _declare_error(name: str, arity: int) -> None:
     @det(name, arity)
-    def raise_error(_machine: Machine, *args: Term) -> bool:
+    def raise_error(_machine: Caller, *args: Term) -> bool:
         formal = Struct(name, args) if name != "instantiation_error" else Atom(name)
         raise error_from_term(copy_term(Struct("error", (formal, Var()))))
 
@@ -136,7 +134,7 @@ for _name, _arity in (
 
 
 @det("divmod", 4)
-def divmod_(machine: Machine, dividend: Term, divisor: Term, quotient: Term, rest: Term) -> bool:
+def divmod_(machine: Caller, dividend: Term, divisor: Term, quotient: Term, rest: Term) -> bool:
     """The quotient rounded down, and what is left."""
     left, right = integer(dividend), integer(divisor)
     if right == 0:
@@ -147,7 +145,7 @@ def divmod_(machine: Machine, dividend: Term, divisor: Term, quotient: Term, res
 
 
 @det("statistics", 2)
-def statistics(machine: Machine, key: Term, value: Term) -> bool:
+def statistics(machine: Caller, key: Term, value: Term) -> bool:
     """Times in ms, in all and since they were last asked for; ``cputime`` in s."""
     name = atom(key).name
     if name in ("cputime", "process_cputime"):
@@ -167,24 +165,24 @@ def statistics(machine: Machine, key: Term, value: Term) -> bool:
 
 
 @det("get_time", 1)
-def get_time(machine: Machine, now: Term) -> bool:
+def get_time(machine: Caller, now: Term) -> bool:
     return machine.unify(now, time.time())
 
 
 @det("garbage_collect", 0)
-def garbage_collect(_machine: Machine) -> bool:
+def garbage_collect(_machine: Caller) -> bool:
     """Python collects by itself."""
     return True
 
 
 @det("style_check", 1)
-def style_check(_machine: Machine, _style: Term) -> bool:
+def style_check(_machine: Caller, _style: Term) -> bool:
     """The loader always warns."""
     return True
 
 
 @det("numbervars", 3)
-def numbervars(machine: Machine, term: Term, start: Term, end: Term) -> bool:
+def numbervars(machine: Caller, term: Term, start: Term, end: Term) -> bool:
     """Bind the variables of a term to ``'$VAR'(N)``."""
     number = integer(start)
     for variable in term_variables(term, machine.meter):
@@ -194,5 +192,5 @@ def numbervars(machine: Machine, term: Term, start: Term, end: Term) -> bool:
 
 
 @det("numbervars", 1)
-def numbervars_from_zero(machine: Machine, term: Term) -> bool:
+def numbervars_from_zero(machine: Caller, term: Term) -> bool:
     return numbervars(machine, term, 0, Var())

@@ -11,10 +11,10 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, TextIO
 
-from drlsl.logic.arithmetic import evaluate
 from drlsl.logic.builtins.arguments import not_negative, prefix
-from drlsl.logic.builtins.registry import Machine, control, det
 from drlsl.logic.builtins.text import is_character
+from drlsl.logic.core import FAIL, Caller, Task, control, cut, det, evaluate, term_variables
+from drlsl.logic.core import Machine as Solver
 from drlsl.logic.errors import (
     domain_error,
     existence_error,
@@ -22,15 +22,9 @@ from drlsl.logic.errors import (
     permission_error,
     type_error,
 )
-from drlsl.logic.flags import Flags
 from drlsl.logic.limits import Meter
-from drlsl.logic.operators import Operators
-from drlsl.logic.reader import Reader, ReadTerm, is_complete
-from drlsl.logic.solver import FAIL, Task, cut
-from drlsl.logic.solver import Machine as Solver
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.unify import term_variables
-from drlsl.logic.writer import format_term
+from drlsl.logic.syntax import Flags, Reader, ReadTerm, is_complete
+from drlsl.logic.terms import NIL, Atom, Operators, Struct, Term, Var, deref, format_term, make_list
 
 END_OF_FILE = Atom("end_of_file")
 _OUTPUTS = frozenset({"user_output", "current_output", "user_error"})
@@ -40,7 +34,7 @@ _INPUTS = frozenset({"user_input", "current_input"})
 # Output streams.
 
 
-def output_stream(machine: Machine, stream: Term) -> TextIO:
+def output_stream(machine: Caller, stream: Term) -> TextIO:
     """The stream that an alias stands for."""
     name = _alias(stream)
     if name in _INPUTS:
@@ -59,7 +53,7 @@ def _alias(stream: Term) -> str:
     return stream.name
 
 
-def emit(machine: Machine, text: str, stream: TextIO | None = None) -> bool:
+def emit(machine: Caller, text: str, stream: TextIO | None = None) -> bool:
     """Write text and remember the column where it ends, which column stops of format/2 count from."""
     target = machine.output if stream is None else stream
     machine.meter.text(len(text))
@@ -71,23 +65,23 @@ def emit(machine: Machine, text: str, stream: TextIO | None = None) -> bool:
     return True
 
 
-def pending_column(machine: Machine, stream: TextIO) -> int:
+def pending_column(machine: Caller, stream: TextIO) -> int:
     """How many characters were written to a stream since its last newline, where that is known."""
     known: tuple[TextIO, int] | None = machine.state.get("line")
     return known[1] if known is not None and known[0] is stream else 0
 
 
 @det("current_output", 1)
-def current_output(machine: Machine, stream: Term) -> bool:
+def current_output(machine: Caller, stream: Term) -> bool:
     return _current(machine, stream, "user_output")
 
 
 @det("current_input", 1)
-def current_input(machine: Machine, stream: Term) -> bool:
+def current_input(machine: Caller, stream: Term) -> bool:
     return _current(machine, stream, "user_input")
 
 
-def _current(machine: Machine, stream: Term, name: str) -> bool:
+def _current(machine: Caller, stream: Term, name: str) -> bool:
     known = deref(stream)
     if not isinstance(known, (Var, Atom)):
         raise domain_error("stream", known)
@@ -95,34 +89,34 @@ def _current(machine: Machine, stream: Term, name: str) -> bool:
 
 
 @det("flush_output", 0)
-def flush_output(machine: Machine) -> bool:
+def flush_output(machine: Caller) -> bool:
     machine.output.flush()
     return True
 
 
 @det("flush_output", 1)
-def flush_stream(machine: Machine, stream: Term) -> bool:
+def flush_stream(machine: Caller, stream: Term) -> bool:
     output_stream(machine, stream).flush()
     return True
 
 
 @det("nl", 0)
-def nl(machine: Machine) -> bool:
+def nl(machine: Caller) -> bool:
     return emit(machine, "\n")
 
 
 @det("nl", 1)
-def nl_to(machine: Machine, stream: Term) -> bool:
+def nl_to(machine: Caller, stream: Term) -> bool:
     return emit(machine, "\n", output_stream(machine, stream))
 
 
 @det("put_char", 1)
-def put_char(machine: Machine, char: Term) -> bool:
+def put_char(machine: Caller, char: Term) -> bool:
     return emit(machine, _character(char))
 
 
 @det("put_char", 2)
-def put_char_to(machine: Machine, stream: Term, char: Term) -> bool:
+def put_char_to(machine: Caller, stream: Term, char: Term) -> bool:
     return emit(machine, _character(char), output_stream(machine, stream))
 
 
@@ -136,16 +130,16 @@ def _character(char: Term) -> str:
 
 
 @det("tab", 1)
-def tab(machine: Machine, count: Term) -> bool:
+def tab(machine: Caller, count: Term) -> bool:
     return emit(machine, _spaces(machine, count))
 
 
 @det("tab", 2)
-def tab_to(machine: Machine, stream: Term, count: Term) -> bool:
+def tab_to(machine: Caller, stream: Term, count: Term) -> bool:
     return emit(machine, _spaces(machine, count), output_stream(machine, stream))
 
 
-def _spaces(machine: Machine, count: Term) -> str:
+def _spaces(machine: Caller, count: Term) -> str:
     number = not_negative(evaluate(count, machine))
     machine.meter.text(number)
     return " " * number
@@ -158,11 +152,11 @@ def _declare_write(name: str, newline: bool = False, **style: Any) -> None:
     end = "\n" if newline else ""
 
     @det(name, 1)
-    def write(machine: Machine, term: Term) -> bool:
+    def write(machine: Caller, term: Term) -> bool:
         return emit(machine, format_term(term, machine.operators, meter=machine.meter, **style) + end)
 
     @det(name, 2)
-    def write_to(machine: Machine, stream: Term, term: Term) -> bool:
+    def write_to(machine: Caller, stream: Term, term: Term) -> bool:
         target = output_stream(machine, stream)
         return emit(machine, format_term(term, machine.operators, meter=machine.meter, **style) + end, target)
 
@@ -180,23 +174,23 @@ def canonical(term: Term, operators: Operators, meter: Meter | None = None) -> s
 
 
 @det("write_canonical", 1)
-def write_canonical(machine: Machine, term: Term) -> bool:
+def write_canonical(machine: Caller, term: Term) -> bool:
     return emit(machine, canonical(term, machine.operators, machine.meter))
 
 
 @det("write_canonical", 2)
-def write_canonical_to(machine: Machine, stream: Term, term: Term) -> bool:
+def write_canonical_to(machine: Caller, stream: Term, term: Term) -> bool:
     return emit(machine, canonical(term, machine.operators, machine.meter), output_stream(machine, stream))
 
 
 @det("write_term", 2)
-def write_term(machine: Machine, term: Term, options: Term) -> bool:
+def write_term(machine: Caller, term: Term, options: Term) -> bool:
     """Source: ISO 13211-1 8.14.2 with Cor.3."""
     return emit(machine, _with_options(machine, term, options))
 
 
 @det("write_term", 3)
-def write_term_to(machine: Machine, stream: Term, term: Term, options: Term) -> bool:
+def write_term_to(machine: Caller, stream: Term, term: Term, options: Term) -> bool:
     target = output_stream(machine, stream)
     return emit(machine, _with_options(machine, term, options), target)
 
@@ -208,7 +202,7 @@ _IGNORED_SWITCHES = frozenset(
 )
 
 
-def _with_options(machine: Machine, term: Term, options: Term) -> str:
+def _with_options(machine: Caller, term: Term, options: Term) -> str:
     style: dict[str, Any] = {}
     ends: dict[str, str] = {}
     for option in option_list(options):
@@ -310,7 +304,7 @@ def sink_maker(sink: Term) -> Any:
     return _SINKS[sink.name]
 
 
-def _listed(machine: Machine, elements: Iterable[Term], count: int) -> Term:
+def _listed(machine: Caller, elements: Iterable[Term], count: int) -> Term:
     machine.meter.make(count)
     return make_list(elements)
 
@@ -359,7 +353,7 @@ class Input:
             self.rest = self.rest[reader.offset :]
 
 
-def _input(machine: Machine, stream: Term | None = None) -> Input:
+def _input(machine: Caller, stream: Term | None = None) -> Input:
     if stream is not None and _alias(stream) in _OUTPUTS:
         raise permission_error("input", "stream", deref(stream))
     known: Input | None = machine.state.get("input")
@@ -370,15 +364,15 @@ def _input(machine: Machine, stream: Term | None = None) -> Input:
 
 def _declare_read(name: str, arity: int) -> None:
     @det(name, arity)
-    def read(machine: Machine, term: Term, options: Term = NIL) -> bool:
+    def read(machine: Caller, term: Term, options: Term = NIL) -> bool:
         return _read(machine, _input(machine), term, options)
 
     @det(name, arity + 1)
-    def read_from(machine: Machine, stream: Term, term: Term, options: Term = NIL) -> bool:
+    def read_from(machine: Caller, stream: Term, term: Term, options: Term = NIL) -> bool:
         return _read(machine, _input(machine, stream), term, options)
 
 
-def _read(machine: Machine, source: Input, term: Term, options: Term) -> bool:
+def _read(machine: Caller, source: Input, term: Term, options: Term) -> bool:
     """Source: ISO 13211-1 8.14.1."""
     wanted = option_list(options)
     for option in wanted:
@@ -409,12 +403,12 @@ _declare_read("read_term", 2)
 
 
 @det("at_end_of_stream", 0)
-def at_end_of_stream(machine: Machine) -> bool:
+def at_end_of_stream(machine: Caller) -> bool:
     return not _input(machine).peek()
 
 
 @det("at_end_of_stream", 1)
-def at_end_of(machine: Machine, stream: Term) -> bool:
+def at_end_of(machine: Caller, stream: Term) -> bool:
     return not _input(machine, stream).peek()
 
 
@@ -426,11 +420,11 @@ def _declare_character(name: str, take: bool, code: bool) -> None:
         return ord(char) if code else Atom(char)
 
     @det(name, 1)
-    def get(machine: Machine, char: Term) -> bool:
+    def get(machine: Caller, char: Term) -> bool:
         return machine.unify(char, next_term(_input(machine)))
 
     @det(name, 2)
-    def get_from(machine: Machine, stream: Term, char: Term) -> bool:
+    def get_from(machine: Caller, stream: Term, char: Term) -> bool:
         return machine.unify(char, next_term(_input(machine, stream)))
 
 

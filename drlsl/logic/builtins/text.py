@@ -9,25 +9,23 @@ from collections.abc import Callable, Iterator, Sequence
 from sys import getsizeof
 
 from drlsl.logic.builtins.arguments import attempt, prefix
-from drlsl.logic.builtins.registry import Machine, det, nondet
-from drlsl.logic.digits import decimal_digits
+from drlsl.logic.core import Caller, det, nondet
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
-from drlsl.logic.reader import parse_number
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
-from drlsl.logic.writer import format_float
+from drlsl.logic.syntax import parse_number
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, decimal_digits, deref, format_float, make_list
 
 MAX_CODE = 0x10FFFF
 # Trying one more way to split a text takes as long as so many of its characters.
 TRY = 512
 
 
-def number_text(number: int | float, machine: Machine | None = None) -> str:
+def number_text(number: int | float, machine: Caller | None = None) -> str:
     """A number as it is written."""
     meter = None if machine is None else machine.meter
     return decimal_digits(number, meter) if isinstance(number, int) else format_float(number)
 
 
-def text_of(machine: Machine, term: Term) -> str:
+def text_of(machine: Caller, term: Term) -> str:
     """The text of an argument that must be an atom (or a string; a number too where ``iso`` is false)."""
     term = deref(term)
     if isinstance(term, Atom):
@@ -41,7 +39,7 @@ def text_of(machine: Machine, term: Term) -> str:
     raise type_error("atom", term)
 
 
-def optional_text(machine: Machine, term: Term) -> str | None:
+def optional_text(machine: Caller, term: Term) -> str | None:
     """The text of an argument that must be an atom or a variable; None for a variable."""
     return None if isinstance(deref(term), Var) else text_of(machine, term)
 
@@ -63,14 +61,14 @@ def _not_negative(*sizes: int | None) -> None:
 
 
 @det("atom_length", 2)
-def atom_length(machine: Machine, atom: Term, length: Term) -> bool:
+def atom_length(machine: Caller, atom: Term, length: Term) -> bool:
     """Source: ISO 13211-1 8.16.1."""
     text = text_of(machine, atom)
     _not_negative(_size(length))
     return machine.unify(length, len(text))
 
 
-def check_size(machine: Machine, *parts: str) -> None:
+def check_size(machine: Caller, *parts: str) -> None:
     """Make sure that there is room for a text of these parts.
 
     Raises:
@@ -79,7 +77,7 @@ def check_size(machine: Machine, *parts: str) -> None:
     machine.meter.text(sum(map(getsizeof, parts)))
 
 
-def join(machine: Machine, parts: Sequence[str], between: str = "") -> str:
+def join(machine: Caller, parts: Sequence[str], between: str = "") -> str:
     """Texts with a text between them.
 
     Raises:
@@ -90,7 +88,7 @@ def join(machine: Machine, parts: Sequence[str], between: str = "") -> str:
 
 
 def concat(
-    machine: Machine, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
+    machine: Caller, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
 ) -> Iterator[bool]:
     """Join two texts, or split one in every way: what atom_concat/3 and string_concat/3 share."""
     parts = deref(first), deref(second)
@@ -120,13 +118,13 @@ def concat(
 
 
 @nondet("atom_concat", 3)
-def atom_concat(machine: Machine, first: Term, second: Term, whole: Term) -> Iterator[bool]:
+def atom_concat(machine: Caller, first: Term, second: Term, whole: Term) -> Iterator[bool]:
     """Source: ISO 13211-1 8.16.2."""
     return concat(machine, first, second, whole, Atom)
 
 
 def sub_text(
-    machine: Machine,
+    machine: Caller,
     text: str,
     before: Term,
     length: Term,
@@ -151,7 +149,7 @@ def sub_text(
 
 
 def _places(
-    machine: Machine, text: str, known: str | None, before: int | None, length: int | None, after: int | None
+    machine: Caller, text: str, known: str | None, before: int | None, length: int | None, after: int | None
 ) -> Iterator[tuple[int, int]]:
     """Start and end of each part that fits what is known, in order."""
     total = len(text)
@@ -184,7 +182,7 @@ def _places(
                 yield start, end
 
 
-def _found(machine: Machine, text: str, part: str, start: int) -> int:
+def _found(machine: Caller, text: str, part: str, start: int) -> int:
     """Where a part begins in a text, from a place on; -1 where it does not."""
     place = text.find(part, start)
     machine.meter.spend(((len(text) if place < 0 else place) - start) // TRY)
@@ -193,7 +191,7 @@ def _found(machine: Machine, text: str, part: str, start: int) -> int:
 
 @nondet("sub_atom", 5)
 def sub_atom(
-    machine: Machine, atom: Term, before: Term, length: Term, after: Term, sub: Term
+    machine: Caller, atom: Term, before: Term, length: Term, after: Term, sub: Term
 ) -> Iterator[bool]:
     """Source: ISO 13211-1 8.16.3."""
     return sub_text(machine, text_of(machine, atom), before, length, after, sub, Atom)
@@ -221,7 +219,7 @@ def _check_code(term: Term) -> str:
     raise representation_error("character_code")
 
 
-def listed_text(machine: Machine, term: Term, check: Callable[[Term], str]) -> str | None:
+def listed_text(machine: Caller, term: Term, check: Callable[[Term], str]) -> str | None:
     """The text of a list of characters or codes; None where the list or an element is not bound yet.
 
     Raises:
@@ -245,7 +243,7 @@ def listed_text(machine: Machine, term: Term, check: Callable[[Term], str]) -> s
 
 def _declare_atom_list(name: str, check: Callable[[Term], str], item: Callable[[str], Term]) -> None:
     @det(name, 2)
-    def atom_list(machine: Machine, atom: Term, elements: Term) -> bool:
+    def atom_list(machine: Caller, atom: Term, elements: Term) -> bool:
         if not isinstance(deref(atom), Var):
             text = text_of(machine, atom)
             listed_text(machine, elements, check)
@@ -262,7 +260,7 @@ _declare_atom_list("atom_codes", _check_code, ord)
 
 
 @det("char_code", 2)
-def char_code(machine: Machine, char: Term, code: Term) -> bool:
+def char_code(machine: Caller, char: Term, code: Term) -> bool:
     """Source: ISO 13211-1 8.16.6."""
     char, code = deref(char), deref(code)
     if isinstance(char, Var):
@@ -281,7 +279,7 @@ def char_code(machine: Machine, char: Term, code: Term) -> bool:
 
 def _declare_number_list(name: str, check: Callable[[Term], str], item: Callable[[str], Term]) -> None:
     @det(name, 2)
-    def number_list(machine: Machine, number: Term, elements: Term) -> bool:
+    def number_list(machine: Caller, number: Term, elements: Term) -> bool:
         listed = listed_text(machine, elements, check)
         number = deref(number)
         if isinstance(number, Var) and listed is None:
@@ -300,7 +298,7 @@ _declare_number_list("number_chars", _check_character, Atom)
 _declare_number_list("number_codes", _check_code, ord)
 
 
-def any_text(term: Term, machine: Machine | None = None) -> str | None:
+def any_text(term: Term, machine: Caller | None = None) -> str | None:
     """The text of an atomic term or of a list of characters or codes; None for any other term."""
     term = deref(term)
     if isinstance(term, str):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drlsl.logic.builtins.arguments import attempt, check_partial_list, integer, items, not_negative, prefix
-from drlsl.logic.builtins.registry import Machine, det, nondet, quick
+from drlsl.logic.core import Caller, copy_term, det, is_ground, nondet, quick, subsumes, term_variables
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, is_acyclic, make_list
-from drlsl.logic.unify import copy_term, is_ground, subsumes, term_variables
 
 # The most arguments that functor/3 gives a term; beyond it there is only memory to lose.
 _MOST_ARGUMENTS = 1 << 24
@@ -18,7 +17,7 @@ def _declare_test(name: str, *kinds: type) -> None:
     accepted = frozenset(kinds)
 
     @det(name, 1)
-    def test(_machine: Machine, term: Term) -> bool:
+    def test(_machine: Caller, term: Term) -> bool:
         return type(deref(term)) in accepted
 
 
@@ -36,28 +35,28 @@ _declare_test("string", str)
 
 
 @det("is_list", 1)
-def is_list(machine: Machine, term: Term) -> bool:
+def is_list(machine: Caller, term: Term) -> bool:
     return prefix(term, machine)[1] is NIL
 
 
 @det("acyclic_term", 1)
-def acyclic_term(_machine: Machine, term: Term) -> bool:
+def acyclic_term(_machine: Caller, term: Term) -> bool:
     """Source: ISO 13211-1 Cor.2, 8.3.11."""
     return is_acyclic(term)
 
 
 @det("cyclic_term", 1)
-def cyclic_term(_machine: Machine, term: Term) -> bool:
+def cyclic_term(_machine: Caller, term: Term) -> bool:
     return not is_acyclic(term)
 
 
 @det("ground", 1)
-def ground(machine: Machine, term: Term) -> bool:
+def ground(machine: Caller, term: Term) -> bool:
     return is_ground(term, machine.meter)
 
 
 @det("functor", 3)
-def functor(machine: Machine, term: Term, name: Term, arity: Term) -> bool:
+def functor(machine: Caller, term: Term, name: Term, arity: Term) -> bool:
     """Source: ISO 13211-1, 8.5.1."""
     term = deref(term)
     if type(term) is Struct:
@@ -86,7 +85,7 @@ def functor(machine: Machine, term: Term, name: Term, arity: Term) -> bool:
 
 
 @nondet("arg", 3)
-def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[bool | None]:
+def arg(machine: Caller, position: Term, term: Term, value: Term) -> Iterator[bool | None]:
     """Source: ISO 13211-1, 8.5.2; with the flag `iso` off, a variable enumerates the positions."""
     position, term = deref(position), deref(term)
     if type(position) is Var and machine.flags.iso:
@@ -106,7 +105,7 @@ def arg(machine: Machine, position: Term, term: Term, value: Term) -> Iterator[b
 
 
 @quick(arg)
-def _arg_at(machine: Machine, position: Term, term: Term, value: Term) -> bool | None:
+def _arg_at(machine: Caller, position: Term, term: Term, value: Term) -> bool | None:
     """The argument at a known position."""
     position, term = deref(position), deref(term)
     if type(position) is not int or type(term) is not Struct or position < 0:
@@ -122,7 +121,7 @@ def _arg_at(machine: Machine, position: Term, term: Term, value: Term) -> bool |
 
 
 @det("=..", 2)
-def univ(machine: Machine, term: Term, parts: Term) -> bool:
+def univ(machine: Caller, term: Term, parts: Term) -> bool:
     """Source: ISO 13211-1, 8.5.3."""
     term = deref(term)
     if type(term) is Struct:
@@ -147,13 +146,13 @@ def univ(machine: Machine, term: Term, parts: Term) -> bool:
 
 
 @det("copy_term", 2)
-def copy(machine: Machine, term: Term, twin: Term) -> bool:
+def copy(machine: Caller, term: Term, twin: Term) -> bool:
     """Source: ISO 13211-1, 8.5.4."""
     return machine.unify(twin, copy_term(term, meter=machine.meter))
 
 
 @det("term_variables", 2)
-def variables(machine: Machine, term: Term, found: Term) -> bool:
+def variables(machine: Caller, term: Term, found: Term) -> bool:
     """Source: ISO 13211-1, 8.5.5."""
     if machine.flags.iso:
         check_partial_list(found)
@@ -161,11 +160,11 @@ def variables(machine: Machine, term: Term, found: Term) -> bool:
 
 
 @det("term_variables", 3)
-def variables_with_tail(machine: Machine, term: Term, found: Term, tail: Term) -> bool:
+def variables_with_tail(machine: Caller, term: Term, found: Term, tail: Term) -> bool:
     return machine.unify(found, make_list(term_variables(term, machine.meter), tail))
 
 
 @det("subsumes_term", 2)
-def subsumes_term(machine: Machine, general: Term, specific: Term) -> bool:
+def subsumes_term(machine: Caller, general: Term, specific: Term) -> bool:
     """Source: ISO 13211-1, 8.2.4."""
     return subsumes(general, specific, machine.meter)

@@ -1,0 +1,126 @@
+"""The same questions to each tier, with answers in one form: solutions by the goal's variables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
+
+from drlsl.assurance.checks import Case, Question, Solutions
+from drlsl.driving.scene import SCHEMA, Facts, Road, Scene, road_facts, scene_facts
+from drlsl.driving.shield import LIMITS, RuleFailure, Shield
+from drlsl.errors import UserError
+from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
+from drlsl.logic import Query as Goal
+from drlsl.logic.core import Clause
+from drlsl.logic.syntax import read_term
+from drlsl.logic.terms import Atom, Struct, Term
+from drlsl.lowering.backends import Scalar, compile_scalar
+from drlsl.lowering.frontend import Query, lower
+from drlsl.lowering.ir import Undecided
+
+WRONG: Final = (PrologError, LimitExceeded, RuleFailure, UserError)
+"""What asking the rules may raise when they are wrong; the message says why."""
+
+
+class Asker(Protocol):
+    """A tier that answers questions about scenes."""
+
+    def ask(self, scene: Scene, question: Question) -> Solutions:
+        """The solutions, as many as the question wants; raises one of `WRONG` where the rules do."""
+
+
+class Interpreter:
+    """Asks the interpreter."""
+
+    def __init__(self, shield: Shield, limits: Limits = LIMITS) -> None:
+        self._shield = shield
+        self._limits = limits
+        self._goals: dict[str, Goal] = {}
+        self._scene: Scene | None = None
+
+    def ask(self, scene: Scene, question: Question) -> Solutions:
+        """The solutions of the question in a scene."""
+        if scene is not self._scene:
+            self._scene = None
+            self._shield.state_facts(scene)
+            self._scene = scene
+        goal = self._goals.get(question.goal)
+        if goal is None:
+            goal = self._goals[question.goal] = self._shield.engine.prepare(question.goal)
+        if question.mode == "all":
+            return list(goal.solutions(self._limits))
+        first = goal.once(self._limits)
+        return [] if first is None else [first]
+
+
+class Generated:
+    """Asks code that was generated for one scene; scenes that it leaves undecided go to the interpreter."""
+
+    def __init__(self, engine: Engine, otherwise: Asker) -> None:
+        self._engine = engine
+        self._otherwise = otherwise
+        self._programs: dict[Question, tuple[Scalar, tuple[str, ...]]] = {}
+        self._road: Road | None = None
+        self._road_facts: Facts = {}
+
+    def prepare(self, question: Question) -> None:
+        """Generate the code for a question.
+
+        Raises:
+            NotLowerable: only the interpreter can answer it.
+        """
+        if question in self._programs:
+            return
+        read = read_term(question.goal, self._engine.operators, self._engine.flags, "goal")
+        shown = {name: variable for name, variable in read.variables.items() if not name.startswith("_")}
+        head: Term = Struct(_GOAL, tuple(shown.values())) if shown else Atom(_GOAL)
+        predicate = self._engine.program.get(_GOAL, len(shown))
+        predicate.replace([Clause(head, read.term)])
+        mode = question.mode if shown else "holds"
+        program = compile_scalar(lower(self._engine, SCHEMA, [Query(_GOAL, len(shown), mode)]))
+        self._programs[question] = program, tuple(shown)
+
+    def ask(self, scene: Scene, question: Question) -> Solutions:
+        """The solutions of a question that was prepared."""
+        program, names = self._programs[question]
+        if scene.road is not self._road:
+            self._road, self._road_facts = scene.road, road_facts(scene.road)
+        try:
+            (answer,) = program({**self._road_facts, **scene_facts(scene)})
+        except Undecided:
+            return self._otherwise.ask(scene, question)
+        if not names:
+            return [{}] if answer else []
+        rows: Sequence[Any] = answer if question.mode == "all" else [] if answer is None else [answer]
+        return [dict(zip(names, row if len(names) > 1 else (row,), strict=True)) for row in rows]
+
+
+_GOAL: Final = "$table_goal"
+
+
+def problem_of(asker: Asker, case: Case, check_index: int) -> str | None:
+    """What is wrong with the answer to one check of a case; None if it is right."""
+    check = case.checks[check_index]
+    try:
+        found = asker.ask(case.scene, check.question)
+    except WRONG as error:
+        return f"expected {check.expected()}, got an error: {first_line(error)}"
+    return check.problem(found)
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of an error's message."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def decision_problem(shield: Shield, case: Case) -> str | None:
+    """What is wrong with the decision as a whole: one that fails, or that should and does not."""
+    try:
+        shield.decide(case.scene)
+    except (RuleFailure, UserError) as failure:
+        message = first_line(failure)
+        if case.fails is not None and case.fails in message:
+            return None
+        wanted = "a decision" if case.fails is None else f"the failure {case.fails!r}"
+        return f"expected {wanted}, got a failure: {message}"
+    return None if case.fails is None else f"expected the failure {case.fails!r}, got a decision"

@@ -1,0 +1,8 @@
+from .gaps import Answer, Change, Finding, what_if
+
+__all__ = [
+    "Answer",
+    "Change",
+    "Finding",
+    "what_if",
+]

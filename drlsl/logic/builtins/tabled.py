@@ -1,0 +1,59 @@
+"""Declaring predicates tabled, and dropping their tables."""
+
+from __future__ import annotations
+
+from drlsl.logic.builtins.arguments import indicator
+from drlsl.logic.builtins.database import is_builtin, name_term
+from drlsl.logic.core import Caller, Indicator, call_table, det
+from drlsl.logic.errors import PrologPermissionError, permission_error
+from drlsl.logic.terms import NIL, Struct, Term, deref
+
+
+class _Unsupported(PrologPermissionError):
+    """A table of a kind that there is not."""
+
+    def message(self) -> str:
+        return f"{super().message()}: tables hold every answer, so declare Name/Arity"
+
+
+def _indicators(specification: Term) -> list[Indicator]:
+    """The predicates that an argument of table/1 names.
+
+    Raises:
+        PrologError: It names none, or wants answers to be joined (``path(_, _, min)``) or another method.
+    """
+    todo, named = [specification], []
+    while todo:
+        term = deref(todo.pop())
+        if type(term) is Struct and len(term.args) == 2 and term.name in (",", "."):
+            todo.extend(reversed(term.args))
+        elif type(term) is Struct and len(term.args) == 2 and term.name == "//":
+            name, arity = indicator(Struct("/", term.args))
+            named.append((name, arity + 2))
+        elif type(term) is Struct and term.name != "/":
+            raise _Unsupported(permission_error("declare", "table_mode", term).term)
+        elif term is not NIL:
+            named.append(indicator(term))
+    return named
+
+
+@det("table", 1)
+def table(machine: Caller, specification: Term) -> bool:
+    """Have calls of predicates answered from tables."""
+    named = _indicators(specification)
+    for name, arity in named:
+        if is_builtin(name, arity):
+            raise permission_error("modify", "static_procedure", name_term(name, arity))
+    for name, arity in named:
+        predicate = machine.program.get(name, arity)
+        predicate.tabled = call_table
+        predicate.defined = True
+        predicate.changed()
+    return True
+
+
+@det("abolish_all_tables", 0)
+def abolish_all_tables(machine: Caller) -> bool:
+    """Drop the answers of tabled predicates, which any change of a clause does too."""
+    machine.program.tables.clear()
+    return True

@@ -1,0 +1,125 @@
+"""The table of built-in predicates: pure functions of a machine and its arguments.
+
+A builtin keeps no state of its own. Whatever it reads or changes belongs to the machine that calls it, so any
+number of engines share this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias, TypeVar
+
+if TYPE_CHECKING:
+    from drlsl.logic.core.clauses import Program
+    from drlsl.logic.limits import Meter
+    from drlsl.logic.syntax import Flags
+    from drlsl.logic.terms import Operators, Term
+
+
+class Caller(Protocol):
+    """What a builtin may ask of the machine that calls it."""
+
+    @property
+    def meter(self) -> Meter:
+        """What a builtin that does much in one call reports to."""
+
+    @property
+    def flags(self) -> Flags: ...
+
+    @property
+    def operators(self) -> Operators: ...
+
+    @property
+    def program(self) -> Program: ...
+
+    @property
+    def globals(self) -> dict[str, Term]:
+        """The engine's global variables (``nb_setval/2``, ``b_setval/2``)."""
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What modules of builtins must remember for each engine: open streams, random generators."""
+
+    output: TextIO
+    trail: list[Any]
+    """What backtracking has to undo: each variable that was bound."""
+
+    def unify(self, left: Term, right: Term) -> bool:
+        """Make two terms equal, remembering each binding on the trail; True when that is possible."""
+
+    def trail_call(self, undo: Callable[[], None]) -> None:
+        """Have `undo` called when execution backtracks beyond this point."""
+
+
+Det: TypeAlias = Callable[..., bool]
+Nondet: TypeAlias = Callable[..., Iterator[bool | None]]
+_D = TypeVar("_D", bound=Det)
+_N = TypeVar("_N", bound=Nondet)
+_Q = TypeVar("_Q", bound=Callable[..., bool | None])
+# A control construct: a function of the machine, the arguments and the continuation that returns the next
+# task.
+Control: TypeAlias = Callable[[Any, Any, Any], Any]
+_C = TypeVar("_C", bound=Control)
+Indicator: TypeAlias = tuple[str, int]
+
+# Filled while the modules of this package are imported and never changed after.
+DET_BUILTINS: dict[Indicator, Det] = {}
+NONDET_BUILTINS: dict[Indicator, Nondet] = {}
+CONTROL_BUILTINS: dict[Indicator, Control] = {}
+# Of some nondeterministic builtins: what settles the usual calls, those with one solution at most.
+QUICK: dict[Nondet, Callable[..., bool | None]] = {}
+
+
+def builtin_indicators() -> set[Indicator]:
+    """Return name and arity of every built-in predicate and control construct."""
+    return {*DET_BUILTINS, *NONDET_BUILTINS, *CONTROL_BUILTINS}
+
+
+def det(name: str, arity: int) -> Callable[[_D], _D]:
+    """Declare a deterministic builtin: ``f(machine, *args) -> bool``; the arguments come not dereferenced.
+
+    False is failure; the solver undoes what the function bound before it failed.
+    """
+
+    def register(function: _D) -> _D:
+        DET_BUILTINS[name, arity] = function
+        return function
+
+    return register
+
+
+def nondet(name: str, arity: int) -> Callable[[_N], _N]:
+    """Declare a nondeterministic builtin: a generator that yields once for each solution after unifying.
+
+    The machine undoes the bindings before it resumes the generator, and closes it on a cut. Yielding True
+    says that this solution is the last, which spares a choice point.
+    """
+
+    def register(function: _N) -> _N:
+        NONDET_BUILTINS[name, arity] = function
+        return function
+
+    return register
+
+
+def quick(nondeterministic: Nondet) -> Callable[[_Q], _Q]:
+    """Declare what is asked before a nondeterministic builtin, with the same arguments.
+
+    It returns True or False where that is all there is to it, and None where the builtin is to be asked.
+    """
+
+    def register(function: _Q) -> _Q:
+        QUICK[nondeterministic] = function
+        return function
+
+    return register
+
+
+def control(name: str, arity: int) -> Callable[[_C], _C]:
+    """Declare a control construct: ``f(machine, args, continuation)`` returns the task to go on with."""
+
+    def register(function: _C) -> _C:
+        CONTROL_BUILTINS[name, arity] = function
+        return function
+
+    return register

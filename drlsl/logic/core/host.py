@@ -1,0 +1,58 @@
+"""What the machine, the loader and proofs ask of the engine that they work for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol, TextIO
+
+from drlsl.logic.core.body import Node
+from drlsl.logic.core.clauses import Predicate, Program
+from drlsl.logic.limits import Meter
+from drlsl.logic.syntax import Flags
+from drlsl.logic.terms import Operators, Term
+
+
+class Resolver(Protocol):
+    """Finds what goals stand for in one program."""
+
+    program: Program
+
+    def resolve(self, name: str, arity: int) -> tuple[int, Any]:
+        """Return the kind of node and the target of a goal."""
+
+    def link(self, node: Node, name: str, arity: int) -> None:
+        """Have a node call what its name and arity stand for."""
+
+
+class Host(Protocol):
+    """An engine, as those see it who run its program."""
+
+    program: Program
+    flags: Flags
+    operators: Operators
+    globals: dict[str, Term]
+    state: dict[str, Any]
+    output: TextIO
+    compiled: bool
+
+    @property
+    def linker(self) -> Resolver:
+        """What finds the targets of goals."""
+
+    def undefined(self, machine: Any, predicate: Predicate, args: Sequence[Term], continuation: Any) -> Any:
+        """Return the task that a call of an unknown predicate comes to."""
+
+    def run_directive(
+        self,
+        goal: Term,
+        output: TextIO | None = None,
+        trail: list[Any] | None = None,
+        meter: Meter | None = None,
+    ) -> bool:
+        """Prove a goal once."""
+
+    def load_files(self, files: Term, *, again: bool, meter: Meter) -> None:
+        """Load the file that a term names, or each of a list."""
+
+    def finds(self, file: Term) -> bool:
+        """Return whether a term names a file or a library that could be loaded."""

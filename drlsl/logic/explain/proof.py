@@ -1,0 +1,514 @@
+"""Why a goal holds, or why it fails: proof trees and the reasons of failures, over a program's own clauses.
+
+The search here is a second, small interpreter that keeps track of what it does. It expands the program's own
+predicates and the control constructs; builtins, the library and whatever lies deeper than its bound are asked
+of the machine. Its steps are data (`drlsl.logic.explain.explanation`), for people and for programs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from typing import Final, NamedTuple, TypeAlias
+
+from drlsl.logic.core import (
+    CALL,
+    FOUND,
+    Clause,
+    Host,
+    LimitExceeded,
+    Limits,
+    Machine,
+    Predicate,
+    callable_parts,
+    copy_term,
+    undo,
+    unify,
+    variant_key,
+)
+from drlsl.logic.errors import resource_error
+from drlsl.logic.explain.explanation import Explanation, Step, shown, value
+from drlsl.logic.limits import Meter
+from drlsl.logic.syntax import ReadTerm, Span
+from drlsl.logic.terms import TRUE, Struct, Term, Var, deref
+
+MAX_DEPTH: Final = 24  # calls of the program's predicates inside one another that are shown
+MAX_GOALS: Final = 30_000  # goals that one explanation may try
+MAX_REASONS: Final = 6  # failures shown of one goal of one clause
+
+# A generator of what proves a goal, once for each solution. Its value at the end is what says why there is
+# none, or None after a solution.
+_Proofs: TypeAlias = Generator["_Draft", None, "_Draft | None"]
+_Conjunction: TypeAlias = Generator["tuple[_Draft, ...]", None, tuple[Step, ...]]
+
+
+class _Scope(NamedTuple):
+    """What the goals of one clause share: its variables by name, and the text it was read from."""
+
+    names: dict[str, Var]
+    labels: dict[int, str]  # names of the variables of the clause as it is stored, by id
+    origin: ReadTerm | None
+
+
+class _Goal(NamedTuple):
+    """A goal to prove, the same goal as the clause has it, and where it stands."""
+
+    term: Term
+    source: Term
+    scope: _Scope
+    place: Span | None
+
+    def part(self, index: int) -> _Goal:
+        """An argument that is a goal itself."""
+        term, source = deref(self.term), self.source
+        assert isinstance(term, Struct)
+        if not isinstance(source, Struct) or len(source.args) != len(term.args):
+            return _Goal(term.args[index], term.args[index], self.scope, self.place)
+        origin = self.scope.origin
+        place = origin.place(source, index) if origin is not None else None
+        return _Goal(term.args[index], source.args[index], self.scope, place or self.place)
+
+    def conjuncts(self) -> list[_Goal]:
+        """The goals of a conjunction in order."""
+        goals: list[_Goal] = []
+        rest = self
+        while _is(rest.term, ",", 2):
+            goals.append(rest.part(0))
+            rest = rest.part(1)
+        return [*goals, rest]
+
+
+class _Draft(NamedTuple):
+    """A step before its text is made, which has to be done while the bindings that it shows are there."""
+
+    goal: _Goal
+    holds: bool
+    kind: str
+    children: tuple[_Draft | Step, ...] = ()
+    note: str = ""
+    clause: Span | None = None
+    scope: _Scope | None = None  # of the clause that was used
+
+
+def _is(term: Term, name: str, arity: int) -> bool:
+    term = deref(term)
+    return isinstance(term, Struct) and term.name == name and len(term.args) == arity
+
+
+class _Frame:
+    """The clause body that a cut commits."""
+
+    __slots__ = ("cut",)
+
+    def __init__(self) -> None:
+        self.cut = False
+
+
+def explain(
+    engine: Host, goal: Term, variables: dict[str, Var], *, limits: Limits, max_depth: int = MAX_DEPTH
+) -> Explanation:
+    """Prove a goal once and say how, or say why it fails.
+
+    Raises:
+        PrologError: What the goal raised.
+        LimitExceeded: It went beyond the limits, or tried more than `MAX_GOALS` goals.
+    """
+    labels = {id(variable): name for name, variable in variables.items()}
+    root = _Goal(goal, goal, _Scope(variables, labels, None), None)
+    search = _Search(engine, limits, max_depth)
+    text = shown(goal, engine.operators, labels)
+    proofs = search.conjunction(root.conjuncts(), _Frame(), 0)
+    try:
+        steps = next(proofs)
+    except StopIteration as end:
+        return Explanation(text, False, {}, end.value)
+    except RecursionError:
+        raise resource_error("recursion") from None
+    try:
+        return Explanation(text, True, search.bindings(root.scope), search.finish_all(steps))
+    finally:
+        proofs.close()
+
+
+class _Search:
+    """One explanation under way."""
+
+    def __init__(self, engine: Host, limits: Limits, max_depth: int) -> None:
+        self.engine = engine
+        self.limits = limits
+        self.meter = Meter(limits)
+        self.max_depth = max_depth
+        self.tried = 0
+        self.trail: list[Var] = []
+        self.tabled: set[object] = set()  # the calls of tabled predicates that are being explained
+
+    # What steps say.
+
+    def bindings(self, scope: _Scope) -> dict[str, str | int | float]:
+        """The values of the named variables that are bound."""
+        return {
+            name: value(variable, self.engine.operators)
+            for name, variable in scope.names.items()
+            if not name.startswith("_") and not isinstance(deref(variable), Var)
+        }
+
+    def texts(self, goal: _Goal) -> tuple[str, str]:
+        """The goal as it stands now and as the program has it."""
+        if goal.term is goal.source:
+            free = goal.scope.labels
+        else:
+            free = {id(deref(variable)): name for name, variable in goal.scope.names.items()}
+        operators = self.engine.operators
+        return shown(goal.term, operators, free), shown(goal.source, operators, goal.scope.labels)
+
+    def finish(self, draft: _Draft | Step) -> Step:
+        """The step with what its goal and its variables are bound to now."""
+        if isinstance(draft, Step):
+            return draft
+        text, source = self.texts(draft.goal)
+        scope = draft.scope or (None if draft.holds else draft.goal.scope)
+        bindings = {} if scope is None else self.bindings(scope)
+        children = self.finish_all(draft.children)
+        place = draft.goal.place
+        return Step(
+            text, draft.holds, draft.kind, source, place, draft.clause, bindings, children, draft.note
+        )
+
+    def finish_all(self, drafts: Sequence[_Draft | Step]) -> tuple[Step, ...]:
+        return tuple(map(self.finish, drafts))
+
+    # Conjunctions.
+
+    def conjunction(self, goals: list[_Goal], frame: _Frame, depth: int) -> _Conjunction:
+        """The steps of each solution; at the end, the failures of the furthest goal that was reached."""
+        running = [self.prove(goals[0], frame, depth)]
+        steps: list[_Draft] = []
+        reasons = _Reasons(self)
+        try:
+            while running:
+                del steps[len(running) - 1 :]
+                try:
+                    steps.append(next(running[-1]))
+                except StopIteration as end:
+                    running.pop()
+                    reasons.add(len(running), end.value)
+                    if frame.cut:
+                        break
+                    continue
+                if len(running) < len(goals):
+                    running.append(self.prove(goals[len(running)], frame, depth))
+                else:
+                    yield tuple(steps)
+        finally:
+            for proofs in reversed(running):
+                proofs.close()
+        return reasons.steps()
+
+    def prove(self, goal: _Goal, frame: _Frame, depth: int) -> _Proofs:
+        """The proofs of one goal in a body that `frame` stands for."""
+        self.tried += 1
+        if self.tried > MAX_GOALS:
+            raise LimitExceeded(resource_error("goals of an explanation").term)
+        term = deref(goal.term)
+        name, args = callable_parts(term)
+        key = name, len(args)
+        if key == ("!", 0):
+            return self._cut(goal, frame)
+        if key == (",", 2):
+            return self._joined(goal, "all", (), goal.conjuncts(), frame, depth)
+        if key == (";", 2):
+            return self._alternatives(goal, frame, depth)
+        if key in (("->", 2), ("*->", 2)):
+            return self._condition(goal, goal, None, frame, depth)
+        if key in (("\\+", 1), ("not", 1)):
+            return self._negation(goal, depth)
+        if key == ("forall", 2):
+            return self._forall(goal, depth)
+        if key in (("call", 1), ("once", 1)):
+            return self._opaque(goal, name == "once", depth)
+        return self._call(goal, name, args, depth)
+
+    # Control constructs.
+
+    def _cut(self, goal: _Goal, frame: _Frame) -> _Proofs:
+        yield _Draft(goal, True, "cut")
+        frame.cut = True
+        return None
+
+    def _joined(
+        self,
+        goal: _Goal,
+        kind: str,
+        before: tuple[_Draft | Step, ...],
+        goals: list[_Goal],
+        frame: _Frame,
+        depth: int,
+    ) -> _Proofs:
+        """The proofs of a conjunction as steps of one kind, with other steps before its own."""
+        proofs = self.conjunction(goals, frame, depth)
+        found = False
+        try:
+            while True:
+                try:
+                    steps = next(proofs)
+                except StopIteration as end:
+                    if found:
+                        return None
+                    return _Draft(goal, False, kind, (*self.finish_all(before), *end.value))
+                found = True
+                yield _Draft(goal, True, kind, (*before, *steps))
+        finally:
+            proofs.close()
+
+    def _alternatives(self, goal: _Goal, frame: _Frame, depth: int) -> _Proofs:
+        left = goal.part(0)
+        if _is(left.term, "->", 2) or _is(left.term, "*->", 2):
+            return (yield from self._condition(goal, left, goal.part(1), frame, depth))
+        first = yield from self._joined(left, "all", (), left.conjuncts(), frame, depth)
+        if frame.cut:
+            return first
+        right = goal.part(1)
+        second = yield from self._joined(right, "all", (), right.conjuncts(), frame, depth)
+        if first is None or second is None:
+            return None
+        return _Draft(goal, False, "either", (first, second))
+
+    def _condition(
+        self, whole: _Goal, branch: _Goal, other: _Goal | None, frame: _Frame, depth: int
+    ) -> _Proofs:
+        """If-then-else; a soft one goes on with each solution of its condition."""
+        condition, then = branch.part(0), branch.part(1)
+        soft = _is(branch.term, "*->", 2)
+        proofs = self.conjunction(condition.conjuncts(), _Frame(), depth)
+        found, failure = False, None
+        try:
+            while not (found and not soft):
+                try:
+                    steps = next(proofs)
+                except StopIteration as end:
+                    reasons = end.value
+                    break
+                found = True
+                given = _Draft(condition, True, "condition", steps)
+                failure = yield from self._joined(whole, "if", (given,), then.conjuncts(), frame, depth)
+                if frame.cut:
+                    return failure
+            if found:
+                return failure
+            failed = self.finish(_Draft(condition, False, "condition", reasons))
+            if other is None:
+                return _Draft(whole, False, "if", (failed,))
+            return (yield from self._joined(whole, "if", (failed,), other.conjuncts(), frame, depth))
+        finally:
+            proofs.close()
+
+    def _negation(self, goal: _Goal, depth: int) -> _Proofs:
+        """``\\+ G``: a proof of G is why it fails, and the failure of G why it holds."""
+        proofs = self.conjunction(goal.part(0).conjuncts(), _Frame(), depth)
+        steps: tuple[Step, ...] | None = None
+        reasons: tuple[Step, ...] = ()
+        try:
+            steps = self.finish_all(next(proofs))
+        except StopIteration as end:
+            reasons = end.value
+        finally:
+            proofs.close()
+        if steps is not None:
+            return _Draft(goal, False, "negation", steps)
+        yield _Draft(goal, True, "negation", reasons)
+        return None
+
+    def _forall(self, goal: _Goal, depth: int) -> _Proofs:
+        """A case in which the action fails is why forall/2 fails."""
+        cases = self.conjunction(goal.part(0).conjuncts(), _Frame(), depth)
+        count = 0
+        against: tuple[Step, ...] | None = None
+        try:
+            for case in cases:
+                count += 1
+                actions = self.conjunction(goal.part(1).conjuncts(), _Frame(), depth)
+                try:
+                    next(actions)
+                except StopIteration as end:
+                    against = (*self.finish_all(case), *end.value)
+                    break
+                finally:
+                    actions.close()
+        finally:
+            cases.close()
+        if against is not None:
+            return _Draft(goal, False, "negation", against)
+        note = f"in all of {count} cases" if count else "there is no case"
+        yield _Draft(goal, True, "negation", note=note)
+        return None
+
+    def _opaque(self, goal: _Goal, only_first: bool, depth: int) -> _Proofs:
+        """call/1 and once/1: a cut inside is local."""
+        inner = goal.part(0)
+        proofs = self._joined(inner, "all", (), inner.conjuncts(), _Frame(), depth)
+        if not only_first:
+            return (yield from proofs)
+        try:
+            yield next(proofs)
+        except StopIteration as end:
+            failure: _Draft | None = end.value
+            return failure
+        finally:
+            proofs.close()
+        return None
+
+    # Calls.
+
+    def _call(self, goal: _Goal, name: str, args: tuple[Term, ...], depth: int) -> _Proofs:
+        op, target = self.engine.linker.resolve(name, len(args))
+        own = op == CALL and target.program is self.engine.program and target.defined
+        if not own or depth >= self.max_depth:
+            return self._leaf(goal, "goal" if own else "builtin")
+        if target.rows is not None:
+            return self._rows(goal, target, args)
+        if target.tabled is not None:
+            return self._tabled(goal, target, args, depth)
+        return self._clauses(goal, target, depth)
+
+    def _tabled(self, goal: _Goal, predicate: Predicate, args: tuple[Term, ...], depth: int) -> _Proofs:
+        """The proofs of a tabled predicate's call: one inside itself is answered by the table."""
+        call = predicate, variant_key(args)
+        if call in self.tabled:
+            return (yield from self._leaf(goal, "goal"))
+        self.tabled.add(call)
+        try:
+            return (yield from self._clauses(goal, predicate, depth))
+        finally:
+            self.tabled.discard(call)
+
+    def _leaf(self, goal: _Goal, kind: str) -> _Proofs:
+        """What the solver answers."""
+        machine = Machine(self.engine, self.limits, self.meter)
+        try:
+            found = machine.solve(machine.call(goal.term, FOUND))
+            if not found:
+                return _Draft(goal, False, kind)
+            while found:
+                yield _Draft(goal, True, kind)
+                found = machine.retry()
+            return None
+        finally:
+            machine.close()
+
+    def _rows(self, goal: _Goal, predicate: Predicate, args: tuple[Term, ...]) -> _Proofs:
+        """Facts that were loaded in bulk."""
+        rows = predicate.candidate_rows(deref(args[0])) if args else predicate.rows or []
+        found = False
+        mark = len(self.trail)
+        try:
+            for row in list(rows):
+                if all(unify(arg, part, self.trail) for arg, part in zip(args, row, strict=True)):
+                    found = True
+                    yield _Draft(goal, True, "fact")
+                undo(self.trail, mark)
+        finally:
+            undo(self.trail, mark)
+        return None if found else _Draft(goal, False, "fact", note=_no_match(len(predicate)))
+
+    def _clauses(self, goal: _Goal, predicate: Predicate, depth: int) -> _Proofs:
+        frame = _Frame()
+        attempts: list[_Draft] = []
+        unlike = 0
+        found = False
+        mark = len(self.trail)
+        try:
+            for clause in list(predicate.clauses):
+                body = self._enter(goal, clause)
+                if body is None:
+                    unlike += 1
+                    continue
+                proofs = self._clause(goal, clause, body, frame, depth)
+                attempt = yield from proofs
+                if attempt is None:
+                    found = True
+                else:
+                    attempts.append(attempt)
+                undo(self.trail, mark)
+                if frame.cut:
+                    break
+        finally:
+            undo(self.trail, mark)
+        if found:
+            return None
+        note = _no_match(unlike) if unlike and not attempts else ""
+        return _Draft(goal, False, "predicate", tuple(attempts), note)
+
+    def _enter(self, goal: _Goal, clause: Clause) -> _Goal | None:
+        """The body of a renamed clause whose head matches; None, with nothing bound, where it does not."""
+        renaming: dict[Var, Term] = {}
+        head = copy_term(clause.head, renaming)
+        mark = len(self.trail)
+        if not unify(head, goal.term, self.trail):
+            undo(self.trail, mark)
+            return None
+        source, origin = clause.body, None
+        if isinstance(clause.origin, ReadTerm) and _is(clause.origin.term, ":-", 2):
+            origin = clause.origin
+            assert isinstance(origin.term, Struct)
+            source = origin.term.args[1]
+        term = copy_term(source, renaming)
+        names = {name: renaming[variable] for name, variable in clause.names.items() if variable in renaming}
+        variables = {name: variable for name, variable in names.items() if isinstance(variable, Var)}
+        labels = {id(variable): name for name, variable in clause.names.items()}
+        scope = _Scope(variables, labels, origin)
+        place = (
+            origin.place(origin.term, 1) if origin is not None and isinstance(origin.term, Struct) else None
+        )
+        return _Goal(term, source, scope, place or clause.span)
+
+    def _clause(self, goal: _Goal, clause: Clause, body: _Goal, frame: _Frame, depth: int) -> _Proofs:
+        """The proofs by one clause whose head matches."""
+        if body.term is TRUE:
+            yield _Draft(goal, True, "fact", (), "", clause.span, body.scope)
+            return None
+        proofs = self.conjunction(body.conjuncts(), frame, depth + 1)
+        found = False
+        try:
+            while True:
+                try:
+                    steps = next(proofs)
+                except StopIteration as end:
+                    if found:
+                        return None
+                    head = _Goal(clause.head, clause.head, body.scope, None)
+                    return _Draft(head, False, "clause", end.value, "", clause.span)
+                found = True
+                yield _Draft(goal, True, "rule", steps, "", clause.span, body.scope)
+        finally:
+            proofs.close()
+
+
+def _no_match(count: int) -> str:
+    return f"none of {count} clauses matches" if count else "there are no clauses"
+
+
+class _Reasons:
+    """The failures of the furthest goal that a conjunction reached."""
+
+    def __init__(self, search: _Search) -> None:
+        self._search = search
+        self._furthest = -1
+        self._found: dict[tuple[str, str], Step] = {}
+        self._more = 0
+
+    def add(self, index: int, failure: _Draft | None) -> None:
+        if failure is None or index < self._furthest:
+            return
+        if index > self._furthest:
+            self._furthest, self._found, self._more = index, {}, 0
+        if len(self._found) < MAX_REASONS:
+            step = self._search.finish(failure)
+            self._found.setdefault((step.goal, repr(step.bindings)), step)
+        else:
+            self._more += 1
+
+    def steps(self) -> tuple[Step, ...]:
+        found = tuple(self._found.values())
+        if self._more:
+            more = Step(f"{self._more} more", False, "more", "", None, None, {}, (), "")
+            return (*found, more)
+        return found

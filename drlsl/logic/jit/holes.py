@@ -1,0 +1,179 @@
+"""Code that builds a list from its front: a last call fills in the tail of the cell that this call made.
+
+In ``app([H|T], L, [H|R]) :- app(T, L, R)`` the variable `R` only hands the place of the tail on to the next
+call. If the third argument is unbound, that place is a *hole*: the cell is kept in a local, with its head in
+another, and the next round puts the next cell into it. No variable is made, bound, trailed or dereferenced
+for it.
+
+A hole is closed before anything can see it: before a clause with alternatives, any goal but a test of numbers
+or types, and the end of the loop. A failure leaves it open, as the binding that leads to the first cell is
+undone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drlsl.logic.core import Clause
+from drlsl.logic.jit.code_writer import Function, Scope, build, is_atom
+from drlsl.logic.jit.inline_arithmetic import COMPARISONS
+from drlsl.logic.jit.term_matching import Fail, emit_deref, emit_match
+from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+
+_TESTS = frozenset({"var", "nonvar", "integer", "float", "number", "atom", "atomic", "compound", "callable"})
+
+
+def open_positions(clauses: Sequence[Clause], key: tuple[str, int]) -> list[int]:
+    """The argument positions at which some clause makes a cell and leaves its tail to a last call."""
+    return [
+        position
+        for position in range(1, key[1])
+        if any(_extends(clause, position) and keeps_open(clause, position, key) for clause in clauses)
+    ]
+
+
+def keeps_open(clause: Clause, position: int, key: tuple[str, int]) -> bool:
+    """Whether a clause only hands the place of its argument, or of that cell's tail, on to a last call."""
+    last = _last_call(clause, key)
+    if last is None:
+        return False
+    pattern = deref(clause.args[position])
+    extends = _extends(clause, position) and type(pattern) is Struct
+    variable = deref(pattern.args[1]) if extends else pattern  # type: ignore[union-attr]  # a cell
+    if type(variable) is not Var or deref(last.args[position]) is not variable:
+        return False
+    return _occurrences(variable, clause) == 2
+
+
+def _extends(clause: Clause, position: int) -> bool:
+    pattern = deref(clause.args[position])
+    return type(pattern) is Struct and len(pattern.args) == 2 and type(deref(pattern.args[1])) is Var
+
+
+def _last_call(clause: Clause, key: tuple[str, int]) -> Struct | None:
+    """The last goal if it calls the predicate itself and nothing before it can look into a term."""
+    rest = deref(clause.body)
+    while type(rest) is Struct and rest.name == "," and len(rest.args) == 2:
+        if not _is_blind(deref(rest.args[0])):
+            return None
+        rest = deref(rest.args[1])
+    return rest if type(rest) is Struct and (rest.name, len(rest.args)) == key else None
+
+
+def _is_blind(goal: Term) -> bool:
+    """Whether a goal looks at numbers and types alone."""
+    if type(goal) is Struct:
+        if len(goal.args) == 2:
+            return goal.name in COMPARISONS or goal.name == "is"
+        return len(goal.args) == 1 and goal.name in _TESTS
+    return is_atom(goal, "!") or is_atom(goal, "true")
+
+
+def _occurrences(variable: Var, clause: Clause) -> int:
+    count = 0
+    todo = [clause.head, clause.body]
+    while todo:
+        term = deref(todo.pop())
+        if term is variable:
+            count += 1
+        elif type(term) is Struct:
+            todo.extend(term.args)
+    return count
+
+
+def close_hole(function: Function, position: int) -> None:
+    """Put a variable into a hole, if there is one, and make it the argument."""
+    function.emit(f"if hole{position} is not None:")
+    function.emit(f" a{position} = Var()")
+    function.emit(f" hole{position}.args = (lead{position}, a{position})")
+    function.emit(f" hole{position} = None")
+
+
+def emit_hole(
+    function: Function, scope: Scope, clause: Clause, position: int, *, kept: bool, fail: Fail
+) -> None:
+    """Unify the argument at a position that may be a hole with the clause's."""
+    name = f"a{position}"
+    pattern = deref(clause.args[position])
+    if kept and type(pattern) is Struct:
+        _emit_cell(function, scope, pattern, position, fail)
+        return
+    if kept:
+        # Handed on as it is; the jump leaves this argument alone.
+        assert type(pattern) is Var
+        scope.names[pattern] = name
+        return
+    value = None
+    if type(pattern) is Var:
+        value = scope.names.get(pattern)
+    elif type(pattern) is not Struct:
+        value = function.constant(pattern)
+    if value is None:
+        close_hole(function, position)
+        emit_match(function, scope, pattern, name, fail)
+        return
+    function.emit(f"if hole{position} is not None:")
+    function.emit(f" hole{position}.args = (lead{position}, {value})")
+    function.emit(f" hole{position} = None; {name} = {value}")
+    function.emit("else:")
+    function.indent += 1
+    emit_match(function, scope, pattern, name, fail)
+    function.indent -= 1
+
+
+def _emit_cell(function: Function, scope: Scope, pattern: Struct, position: int, fail: Fail) -> None:
+    """Match a cell whose tail goes to the last call: put a new one into the hole, or take one apart."""
+    name, hole, lead = f"a{position}", f"hole{position}", f"lead{position}"
+    tail = deref(pattern.args[1])
+    assert type(tail) is Var
+    before = scope.copy()
+    head = deref(pattern.args[0])
+    function.emit(f"if {hole} is not None:")
+    function.indent += 1
+    expression = build(function, scope, head)
+    _emit_new_cell(function, pattern.name)
+    function.emit(f"{hole}.args = ({lead}, cell)")
+    function.emit(f"{hole} = cell; {lead} = {expression}")
+    function.indent -= 1
+    function.emit("else:")
+    function.indent += 1
+    emit_deref(function, name)
+    function.emit(f"if type({name}) is Var:")
+    function.indent += 1
+    _rebuild(function, before.copy(), scope, head)
+    _emit_new_cell(function, pattern.name)
+    function.emit(f"{name}.ref = cell; trail.append({name})")
+    function.emit(f"{hole} = cell; {lead} = {build(function, scope, head)}")
+    function.indent -= 1
+    function.emit(
+        f"elif type({name}) is Struct and {name}.name == {pattern.name!r} and len({name}.args) == 2:"
+    )
+    function.indent += 1
+    part = function.local()
+    function.emit(f"{part}, {name} = {name}.args")
+    inner = before.copy()
+    emit_match(function, inner, head, part, fail)
+    for variable, local in inner.names.items():
+        if variable not in before.names:
+            function.emit(f"{scope.names[variable]} = {local}")
+    function.indent -= 1
+    function.emit("else:")
+    function.indent += 1
+    fail()
+    function.indent -= 2
+    scope.names[tail] = name
+
+
+def _rebuild(function: Function, before: Scope, scope: Scope, head: Term) -> None:
+    """Make the locals of variables that the head of the cell brings in, under the names they have by now."""
+    for variable, local in scope.names.items():
+        if variable not in before.names:
+            function.emit(f"{local} = Var()")
+
+
+def _emit_new_cell(function: Function, name: str) -> None:
+    # The placeholder is what an error about the unfinished cell would show.
+    function.emit(f"cell = Struct({name!r}, UNFINISHED)")
+
+
+UNFINISHED = (NIL, Atom("..."))

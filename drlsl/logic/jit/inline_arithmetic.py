@@ -1,0 +1,105 @@
+"""Code for arithmetic: inline for small operations on integers, else by the evaluator's own functions."""
+
+from __future__ import annotations
+
+from drlsl.logic.core import BINARY, UNARY, comparison
+from drlsl.logic.jit.code_writer import Function, Scope, build
+from drlsl.logic.jit.term_matching import Fail
+from drlsl.logic.terms import Struct, Term, Var, deref
+
+COMPARISONS = {"=:=": "==", "=\\=": "!=", "<": "<", "=<": "<=", ">": ">", ">=": ">="}
+_COMPARE = {name: comparison(name) for name in COMPARISONS}
+_INLINE = {"+": "+", "-": "-"}
+_DEEPEST = 30
+
+
+def emit_value(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
+    """An expression (a local or a literal) for the value of an arithmetic expression."""
+    term = deref(term)
+    if type(term) is int or type(term) is float:
+        return function.constant(term)
+    if type(term) is Var:
+        return _emit_variable(function, scope, term)
+    if type(term) is Struct and depth < _DEEPEST:
+        if len(term.args) == 2 and term.name in BINARY:
+            left = emit_value(function, scope, term.args[0], depth + 1)
+            right = emit_value(function, scope, term.args[1], depth + 1)
+            return _emit_binary(function, scope, term, left, right)
+        if len(term.args) == 1 and term.name in UNARY:
+            value = emit_value(function, scope, term.args[0], depth + 1)
+            name = function.local("n")
+            operation = function.module.namespace.name("U", UNARY[term.name])
+            function.emit(f"{name} = {operation}({value}, m)")
+            return name
+    name = function.local("n")
+    function.emit(f"{name} = evaluate({build(function, scope, term)}, m)")
+    return name
+
+
+def _emit_variable(function: Function, scope: Scope, variable: Var) -> str:
+    known = scope.numbers.get(variable)
+    if known is not None:
+        return known
+    name = function.local("n")
+    term = build(function, scope, variable)
+    # Most are numbers, or bound to one; the evaluator sees to whatever else there is.
+    function.emit(f"{name} = {term}.ref if type({term}) is Var else {term}")
+    function.emit(f"if type({name}) is not int and type({name}) is not float: {name} = evaluate({term}, m)")
+    scope.numbers[variable] = name
+    return name
+
+
+def _is_integer(expression: str, scope: Scope) -> bool:
+    return expression in scope.integers or expression.lstrip("(-").rstrip(")").isdigit()
+
+
+def _emit_binary(function: Function, scope: Scope, term: Struct, left: str, right: str) -> str:
+    name = function.local("n")
+    operation = function.module.namespace.name("B", BINARY[term.name])
+    inline = _INLINE.get(term.name)
+    if term.name == "mod" and right.isdigit() and int(right) > 0:
+        inline = "%"
+    if inline is None:
+        function.emit(f"{name} = {operation}({left}, {right}, m)")
+        return name
+    unsure = [part for part in dict.fromkeys((left, right)) if not _is_integer(part, scope)]
+    if not unsure:
+        function.emit(f"{name} = {left} {inline} {right}")
+        scope.integers.add(name)
+        return name
+    test = " and ".join(f"type({part}) is int" for part in unsure)
+    function.emit(f"{name} = {left} {inline} {right} if {test} else {operation}({left}, {right}, m)")
+    return name
+
+
+def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fail: Fail) -> None:
+    """``Result is Expression``."""
+    result = deref(result)
+    value = emit_value(function, scope, expression)
+    if type(result) is Var and result not in scope.names:
+        name = scope.names[result] = function.local("v")
+        function.emit(f"{name} = {value}")
+        scope.numbers[result] = name
+        if _is_integer(value, scope):
+            scope.integers.add(name)
+        return
+    function.emit(f"if not unify({build(function, scope, result)}, {value}, trail):")
+    function.indent += 1
+    fail()
+    function.indent -= 1
+
+
+def emit_comparison(function: Function, scope: Scope, goal: Struct) -> str:
+    """The lines before, and the test for, an arithmetic comparison."""
+    left = emit_value(function, scope, goal.args[0])
+    right = emit_value(function, scope, goal.args[1])
+    test = f"{left} {COMPARISONS[goal.name]} {right}"
+    if all(_is_integer(part, scope) for part in (left, right)) or any(map(_is_exact, (left, right))):
+        return test
+    compare = function.module.namespace.name("Q", _COMPARE[goal.name])
+    return f"({test} if type({left}) is type({right}) else {compare}({left}, {right}))"
+
+
+def _is_exact(expression: str) -> bool:
+    """Whether an operand is an integer that a float has too, so that Python compares it as Prolog does."""
+    return expression.lstrip("(-").rstrip(")").isdigit()

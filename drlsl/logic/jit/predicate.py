@@ -1,0 +1,327 @@
+"""Code for whole predicates: the switch on the first argument and the clauses behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from drlsl.logic.builtins import begin_findall
+from drlsl.logic.core import (
+    FAIL,
+    Clause,
+    Predicate,
+    Resolver,
+    collect,
+    cut,
+    evaluate,
+    index_key,
+    soft_cut,
+    start_generator,
+    undo,
+    unify,
+)
+from drlsl.logic.jit.clause_code import BodyEmitter, Place, has_cut
+from drlsl.logic.jit.code_writer import Function, Module, Namespace, Scope
+from drlsl.logic.jit.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
+from drlsl.logic.jit.term_matching import emit_deref, emit_known, emit_match
+from drlsl.logic.terms import Atom, Struct, Var, deref
+
+_RUNTIME: dict[str, Any] = {
+    "ATOMIC": frozenset({Atom, int, float, str}),
+    "Atom": Atom,
+    "CALLABLE": frozenset({Atom, Struct}),
+    "FAIL": FAIL,
+    "NUMBERS": frozenset({int, float}),
+    "Struct": Struct,
+    "UNFINISHED": UNFINISHED,
+    "Var": Var,
+    "begin_findall": begin_findall,
+    "collect": collect,
+    "cut": cut,
+    "deref": deref,
+    "evaluate": evaluate,
+    "soft_cut": soft_cut,
+    "start_generator": start_generator,
+    "undo": undo,
+    "unify": unify,
+}
+
+# So many constants as first arguments are compared one by one; more are looked up.
+_FEW = 4
+
+Alternatives = tuple[Any, ...]
+
+
+def compile_predicate(predicate: Predicate, linker: Resolver, unbound: Any = None) -> Any:
+    """The entry point of a predicate's generated code.
+
+    Calls whose first argument is unbound go to `unbound` where there is such a function and the clauses tell
+    first arguments apart, which spares about half of the code.
+
+    Raises:
+        PrologError: A body is not callable; the plain solver will say so when it is reached.
+    """
+    return _PredicateCompiler(predicate, linker, unbound).compile()
+
+
+class _PredicateCompiler:
+    """Emits the entry function of one predicate."""
+
+    def __init__(self, predicate: Predicate, linker: Resolver, unbound: Any) -> None:
+        self._clauses = list(predicate.clauses)
+        self._module = Module(
+            f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME), _voids(self._clauses)
+        )
+        # A call of a tabled predicate by itself is one like any other: it asks the table.
+        own = (predicate.name, predicate.arity) if predicate.tabled is None else ("", -1)
+        self._emitter = BodyEmitter(self._module, linker, own)
+        self._args = [f"a{index}" for index in range(predicate.arity)]
+        self._function = self._module.function("entry")
+        self._holes = open_positions(self._clauses, own)
+        self._unbound = unbound
+        # The clauses that are tried one after the other, rather than alone.
+        self._chained: set[int] = set()
+
+    def compile(self) -> Any:
+        """Emit and load the code."""
+        function = self._function
+        function.begin("_", "_", "alts", *self._args, "k")
+        for position in self._holes:
+            function.emit(f"hole{position} = None")
+        function.emit("while True:")
+        function.indent += 1
+        if len(self._clauses) == 1:
+            self._only_clause(0, first_known=False)
+        else:
+            self._switch()
+            if self._chained:
+                self._alternatives()
+        return self._module.load()["entry"]
+
+    def _alternatives(self) -> None:
+        """Try the clauses of a chain one after the other."""
+        function = self._function
+        for position in self._holes:
+            close_hole(function, position)
+        function.emit("mark = len(trail)")
+        if any(has_cut(clause.body) for clause in self._clauses):
+            function.emit("h = len(choices)")
+        function.emit("while alts:")
+        function.indent += 1
+        # What a clause that failed has bound; after the last one, backtracking undoes it.
+        function.emit("if len(trail) > mark: undo(trail, mark)")
+        function.emit("i, alts = alts")
+        for count, number in enumerate(sorted(self._chained)):
+            function.emit(f"{'elif' if count else 'if'} i == {number}:")
+            function.indent += 1
+            self._clause_of_chain(number)
+            function.indent -= 1
+        function.indent -= 1
+        function.about(None, None, Scope())
+        function.emit("else: return FAIL")
+
+    # ------------------------------------------------------------------ the switch
+
+    def _switch(self) -> None:
+        """Choose the clauses that may match by the first argument, unless they are given."""
+        function = self._function
+        chains, others = _chains(self._clauses)
+        every = range(len(self._clauses))
+        if not chains:
+            function.emit(f"if alts is None: alts = {self._chain(every)!r}")
+            return
+        structs = {key: chain for key, chain in chains.items() if type(key) is tuple and type(key[0]) is str}
+        rest = {key: chain for key, chain in chains.items() if key not in structs}
+        function.emit("if alts is None:")
+        function.indent += 1
+        emit_deref(function, "a0")
+        function.emit("kind = type(a0)")
+        if structs:
+            function.emit("if kind is Struct:")
+            function.indent += 1
+        for count, ((name, arity), chain) in enumerate(structs.items()):
+            function.emit(f"{'elif' if count else 'if'} a0.name == {name!r} and len(a0.args) == {arity}:")
+            self._chosen(chain, first_known=True)
+        if structs:
+            function.emit("else:")
+            self._chosen(others, first_known=False)
+            function.indent -= 1
+        function.emit(f"{'elif' if structs else 'if'} kind is Var:")
+        self._switch_unbound(every)
+        self._switch_constants(rest, others)
+        function.indent -= 1
+
+    def _switch_unbound(self, every: Sequence[int]) -> None:
+        function = self._function
+        function.indent += 1
+        if self._unbound is None:
+            function.emit(f"alts = {self._chain(every)!r}")
+        else:
+            for position in self._holes:
+                close_hole(function, position)
+            call = self._module.namespace.name("U", self._unbound)
+            function.emit(f"return {call}(m, ({', '.join(['entry, 0, None', *self._args, 'k'])}))")
+        function.indent -= 1
+
+    def _chain(self, numbers: Sequence[int]) -> Alternatives:
+        """The clauses to try as linked pairs: the first, and the chain of the others."""
+        self._chained.update(numbers)
+        chain: Alternatives = ()
+        for number in reversed(numbers):
+            chain = (number, chain)
+        return chain
+
+    def _switch_constants(self, chains: dict[Any, list[int]], others: list[int]) -> None:
+        function = self._function
+        if len(chains) <= _FEW and all(type(key) is Atom or type(key) is int for key in chains):
+            for key, chain in chains.items():
+                constant = function.constant(key)
+                test = f"a0 is {constant}" if type(key) is Atom else f"a0 == {constant} and kind is int"
+                function.emit(f"elif {test}:")
+                self._chosen(chain, first_known=True)
+            function.emit("else:")
+            self._chosen(others, first_known=False)
+            return
+        table = {key: self._chain(chain) for key, chain in chains.items()}
+        lookup = self._module.namespace.name("T", table)
+        function.emit("else:")
+        function.emit(" key = (kind, a0) if kind is float or kind is str else a0")
+        function.emit(f" alts = {lookup}.get(key, {self._chain(others)!r})")
+
+    def _chosen(self, chain: list[int], *, first_known: bool) -> None:
+        """The code for a first argument that only these clauses match."""
+        function = self._function
+        function.indent += 1
+        if not chain:
+            function.emit("return FAIL")
+        elif len(chain) == 1:
+            self._only_clause(chain[0], first_known=first_known)
+        else:
+            function.emit(f"alts = {self._chain(chain)!r}")
+        function.indent -= 1
+
+    # ------------------------------------------------------------------ clauses
+
+    def _only_clause(self, number: int, *, first_known: bool) -> None:
+        """A clause without alternatives: its failure is the call's."""
+        function, clause, args = self._function, self._clauses[number], self._args
+        height = Var("Height")
+        scope = Scope({height: "h"})
+        function.about(clause.head, clause, scope)
+        if has_cut(clause.body):
+            function.emit("h = len(choices)")
+
+        def fail() -> None:
+            function.emit("return FAIL")
+
+        def jump(parts: Sequence[str]) -> None:
+            parts = list(parts)
+            for position in self._holes:
+                if position in kept:
+                    parts[position] = args[position]
+            self._assign(parts)
+            function.emit("rounds -= 1")
+            function.emit("if rounds < 0:")
+            function.indent += 1
+            for position in self._holes:
+                close_hole(function, position)
+            _emit_rest(function, args)
+            function.indent -= 1
+            function.emit("continue")
+
+        kept = {position for position in self._holes if keeps_open(clause, position, self._emitter.key)}
+        for position, (name, pattern) in enumerate(zip(args, clause.args, strict=True)):
+            if position in self._holes:
+                emit_hole(function, scope, clause, position, kept=position in kept, fail=fail)
+            elif position == 0 and first_known:
+                emit_known(function, scope, pattern, name, fail)
+            else:
+                emit_match(function, scope, pattern, name, fail)
+        place = Place(function, scope, fail, loop=jump)
+        self._emitter.emit_clause(place, clause, height)
+
+    def _clause_of_chain(self, number: int) -> None:
+        """A clause with others behind it."""
+        function, clause, args = self._function, self._clauses[number], self._args
+        height = Var("Height")
+        scope = Scope({height: "h"})
+        function.about(clause.head, clause, scope)
+
+        def next_clause() -> None:
+            function.emit("continue")
+
+        def leave_choice() -> None:
+            if number < len(self._clauses) - 1:
+                function.emit(f"if alts: choices.append(({', '.join(['entry, mark, alts', *args, 'k'])}))")
+
+        def jump(parts: Sequence[str]) -> None:
+            self._assign(parts)
+            function.emit("alts = None")
+            function.emit("rounds -= 1")
+            function.emit("if rounds < 0:")
+            function.indent += 1
+            _emit_rest(function, args)
+            function.indent -= 1
+            function.emit("break")
+
+        may_bind = False
+        for position, (name, pattern) in enumerate(zip(args, clause.args, strict=True)):
+            if position == 0 and self._unbound is not None and type(deref(pattern)) is not Var:
+                # The switch has chosen this clause by the functor of a bound first argument.
+                emit_known(function, scope, pattern, name, next_clause)
+                may_bind = type(deref(pattern)) is Struct
+                continue
+            is_new = type(deref(pattern)) is Var and deref(pattern) not in scope.names
+            if may_bind and type(deref(pattern)) is Struct:
+                # What this clause has bound, the next one must not find in the argument itself.
+                local = function.local()
+                function.emit(f"{local} = {name}")
+                name = local
+            may_bind = may_bind or not is_new
+            emit_match(function, scope, pattern, name, next_clause)
+        place = Place(function, scope, next_clause, pending=leave_choice, loop=jump)
+        self._emitter.emit_clause(place, clause, height)
+
+    def _assign(self, parts: Sequence[str]) -> None:
+        """Give the arguments their values for the next round, all at once."""
+        changed = [(arg, part) for arg, part in zip(self._args, parts, strict=True) if arg != part]
+        if changed:
+            left, right = ", ".join(arg for arg, _ in changed), ", ".join(part for _, part in changed)
+            self._function.emit(f"{left} = {right}")
+
+
+def _emit_rest(function: Function, args: Sequence[str]) -> None:
+    """Emit the end of a loop's share of rounds: back to the trampoline, past the limits if it is time."""
+    function.emit("m.left -= m.rounds")
+    task = f"({', '.join(['entry, 0, None', *args, 'k'])})"
+    function.emit(f"return {task} if m.left > 0 else m.rest({task})")
+
+
+def _voids(clauses: Sequence[Clause]) -> set[Var]:
+    """The variables that occur just once in their clause."""
+    once: set[Var] = set()
+    again: set[Var] = set()
+    for clause in clauses:
+        todo = [clause.head, clause.body]
+        while todo:
+            term = deref(todo.pop())
+            if type(term) is Struct:
+                todo.extend(term.args)
+            elif type(term) is Var:
+                (again if term in once else once).add(term)
+    return once - again
+
+
+def _chains(clauses: Sequence[Clause]) -> tuple[dict[Any, list[int]], list[int]]:
+    """The clauses that may match each first argument that is named, and those for any other."""
+    chains: dict[Any, list[int]] = {}
+    others: list[int] = []
+    for number, clause in enumerate(clauses):
+        first = deref(clause.args[0]) if clause.args else Var()
+        if type(first) is Var:
+            for chain in chains.values():
+                chain.append(number)
+            others.append(number)
+        else:
+            chains.setdefault(index_key(first), list(others)).append(number)
+    return chains, others

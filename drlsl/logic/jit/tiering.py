@@ -1,0 +1,157 @@
+"""When a predicate is compiled: after the plain solver has spent about as long on it as compiling will take.
+
+Then it takes at most about twice the time of the better choice, however often the predicate is called.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from typing import Any, Final
+
+from drlsl.logic.core import Clause, Machine, Predicate, Resolver, Task, interpret, try_all
+from drlsl.logic.errors import PrologError
+from drlsl.logic.terms import Struct, deref
+
+PATIENCE: Final = 8.0
+"""Calls by the plain solver in which compiling one node of a clause's term would have paid for itself."""
+
+# Compiling costs as much as it does of so many nodes however few there are, so smaller predicates are not
+# worth being measured.
+_SMALL: Final = 64
+_MOST_CLAUSES: Final = 40
+_LARGEST_CLAUSE: Final = 10_000
+_DEEPEST_CLAUSE: Final = 60
+
+
+def cold_entry(linker: Resolver, predicate: Predicate) -> Any:
+    """The function that calls a predicate which has no code of its own yet, once its cold calls are spent."""
+    # What is not defined is left to the plain solver, which says where it was called.
+    predicate.cold = int(PATIENCE * _SMALL) if predicate.defined else sys.maxsize
+    cold = partial(_call_cold, linker, predicate, measured=False)
+    if predicate.tabled is None:
+        return cold
+    predicate.clauses_entry = cold
+    return partial(_call_tabled, predicate)
+
+
+def _call_cold(
+    linker: Resolver, predicate: Predicate, machine: Machine, task: Task, *, measured: bool
+) -> Task:
+    """Call the predicate by the plain solver; when it has been called for long enough, compile it.
+
+    Compiled code comes here with every call, the plain solver only when no cold calls are left.
+    """
+    if predicate.cold:
+        predicate.cold -= 1
+    elif not measured:
+        predicate.cold = int(PATIENCE * max(0, _size(predicate) - _SMALL))
+        again: Task = _settle(predicate, partial(_call_cold, linker, predicate, measured=True))(machine, task)
+        return again
+    else:
+        entry = _compile(linker, predicate)
+        _settle(predicate, entry or partial(_call_plain, predicate))
+        if entry is not None:
+            compiled: Task = entry(machine, task)
+            return compiled
+        predicate.cold = sys.maxsize
+    return _call_plain(predicate, machine, task)
+
+
+def _settle(predicate: Predicate, entry: Any) -> Any:
+    """Have the clauses of a predicate run by a function."""
+    if predicate.tabled is None:
+        predicate.entry = entry
+    else:
+        predicate.clauses_entry = entry
+    return entry
+
+
+def _call_plain(predicate: Predicate, machine: Machine, task: Task) -> Task:
+    return try_all(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
+
+
+def _call_tabled(predicate: Predicate, machine: Machine, task: Task) -> Task:
+    return interpret(machine, predicate, [deref(arg) for arg in task[3:-1]], task[-1])
+
+
+class _Unbound:
+    """Calls a compiled predicate where its first argument is unbound, for which it has no code at first."""
+
+    __slots__ = ("_code", "_left", "_linker", "_predicate", "entry")
+
+    def __init__(self, linker: Resolver, predicate: Predicate) -> None:
+        self.entry: Any = None  # the code that comes here
+        self._linker = linker
+        self._predicate = predicate
+        self._left = int(PATIENCE * _size(predicate))
+        self._code: Any = None
+
+    def __call__(self, machine: Machine, task: Task) -> Task:
+        # Such a call tries every clause sooner or later.
+        self._left -= len(self._predicate)
+        if self._left >= 0:
+            return _call_plain(self._predicate, machine, task)
+        if self._code is None:
+            from drlsl.logic.jit.predicate import compile_predicate
+
+            self._code = compile_predicate(self._predicate, self._linker)
+            predicate = self._predicate
+            if self.entry is (predicate.entry if predicate.tabled is None else predicate.clauses_entry):
+                _settle(predicate, self._code)
+        compiled: Task = self._code(machine, task)
+        return compiled
+
+
+def _size(predicate: Predicate) -> int:
+    """How many nodes the terms of a predicate's clauses have; 0 where it will not be compiled."""
+    if not _is_compilable(predicate):
+        return 0
+    size = 0
+    for clause in predicate.clauses:
+        todo = [clause.head, clause.body]
+        while todo:
+            term = deref(todo.pop())
+            size += 1
+            if type(term) is Struct:
+                todo.extend(term.args)
+    return size
+
+
+def _is_compilable(predicate: Predicate) -> bool:
+    return not predicate.dynamic and predicate.rows is None and 0 < len(predicate) <= _MOST_CLAUSES
+
+
+def _is_modest(clause: Clause) -> bool:
+    """Whether a clause is small enough to be worth compiling: Python takes long to compile long functions."""
+    left = _LARGEST_CLAUSE
+    todo = [(clause.head, 0), (clause.body, 0)]
+    while todo:
+        term, depth = todo.pop()
+        term = deref(term)
+        left -= 1
+        if not left or depth > _DEEPEST_CLAUSE:
+            return False
+        if type(term) is Struct:
+            # A conjunction or a list nests by its elements alone.
+            is_chain = len(term.args) == 2 and term.name in (",", ".")
+            todo.extend((arg, depth + 1) for arg in term.args[:-1])
+            todo.append((term.args[-1], depth if is_chain else depth + 1))
+    return True
+
+
+def _compile(linker: Resolver, predicate: Predicate) -> Any:
+    """The compiled entry point, or None for a predicate that stays with the plain solver."""
+    if not _is_compilable(predicate) or not all(map(_is_modest, predicate.clauses)):
+        return None
+    # Imported late: programs that run for a moment need no compiler.
+    from drlsl.logic.jit.predicate import compile_predicate
+
+    try:
+        unbound = _Unbound(linker, predicate)
+        unbound.entry = compile_predicate(predicate, linker, unbound)
+        return unbound.entry
+    except (PrologError, RecursionError, SyntaxError):
+        # A body that is no goal is an error only once it is reached, which the plain solver waits for; and
+        # Python bounds how deep code nests.
+        return None

@@ -1,0 +1,23 @@
+"""How rule files become a program: directives, the library, and what each goal calls."""
+
+from drlsl.logic.loading.consult import (
+    LARGEST_FILE,
+    ConsultError,
+    Loader,
+    LoadWarning,
+    find_file,
+    read_source,
+)
+from drlsl.logic.loading.linking import Linker, builtin, library
+
+__all__ = [
+    "LARGEST_FILE",
+    "ConsultError",
+    "Linker",
+    "LoadWarning",
+    "Loader",
+    "builtin",
+    "find_file",
+    "library",
+    "read_source",
+]

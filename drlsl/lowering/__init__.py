@@ -1,0 +1,5 @@
+"""One rule text at array speed: a loaded program becomes an intermediate form, and that becomes code."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

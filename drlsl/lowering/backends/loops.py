@@ -1,0 +1,350 @@
+"""Code with loops over rows, its values computed once: what back ends that write such code have in common.
+
+Quantifiers over the same rows that do not depend on each other share one loop; within it their conditions
+share their tests. All values are total (see `numbers.py`), so a value that several places use may be computed
+before any of them.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from drlsl.lowering.backends.python_text import CHOICE, PythonText, is_lookup
+from drlsl.lowering.ir import QUANTIFIERS, Names, Node, Pool, Relation, conjuncts, reach, relation_of
+
+_TRIVIAL: Final = frozenset({"const", "col", "loop", "row", "facts", "others", "where"})
+
+
+@dataclass(slots=True)
+class _Loop:
+    """What one loop over `rows` computes."""
+
+    rows: Node
+    members: list[Node] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Item:
+    """What a loop does with a row that meets conditions, tested in order.
+
+    It computes `node`; `best` is the variable of the least or greatest value so far.
+    """
+
+    node: Node
+    conds: tuple[Node, ...]
+    values: tuple[Node, ...]
+    act: Callable[[], None]
+    best: str = ""
+
+    def without(self, conds: Sequence[Node]) -> Item:
+        """The same where these conditions are known to hold."""
+        return replace(self, conds=tuple(cond for cond in self.conds if cond not in conds))
+
+
+class LoopPrinter(PythonText):
+    """Writes a function that computes some nodes, row by row. How rows are kept is left to a subclass."""
+
+    def __init__(self, pool: Pool, names: Names, roots: Sequence[Node]) -> None:
+        super().__init__(names)
+        self.pool = pool
+        self.lines: list[str] = []
+        self.depth = 1
+        self.roots = roots
+        self.reached = reach(roots)
+        self.stages: dict[Node, int] = {}
+
+    # ---------------------------------------------------------------- rows
+
+    @abstractmethod
+    def head(self, rows: Node, row: str) -> Sequence[str]:
+        """A loop in which `row` is each of the rows in turn: its first line, and what it begins with."""
+
+    @abstractmethod
+    def unpack(self, index: Node) -> None:
+        """Give names to the columns of a row that are used."""
+
+    @abstractmethod
+    def choose_rows(self, name: str, node: Node) -> Callable[[str], None]:
+        """Begin a selection of rows: what adds a row to it."""
+
+    @abstractmethod
+    def is_none(self, name: str, relation: Relation) -> str:
+        """The test whether a variable stands for no row."""
+
+    def is_dear(self, node: Node) -> bool:
+        """Whether a value gets a variable even if it is used once."""
+        return False
+
+    def leaves(self, loop: Node) -> bool:
+        """Whether a loop that looks for one row ends there."""
+        return True
+
+    def no_value(self, value: Node, *, greatest: bool) -> str:
+        """A number that is beyond every value."""
+        return "inf" if greatest else "-inf"
+
+    def column_name(self, node: Node) -> str:
+        """A variable for a column of a row."""
+        relation, column = node.data
+        name = (
+            relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
+        )
+        return self.names.new(f"{relation.first or ''}_{name}" if node.args[0].op == "row" else name)
+
+    # ---------------------------------------------------------------- writing
+
+    def write(self, text: str) -> None:
+        self.lines.append("    " * self.depth + text)
+
+    @contextmanager
+    def block(self, head: str) -> Iterator[None]:
+        """An indented block; what it makes known is forgotten behind it."""
+        self.write(head)
+        outer = dict(self.known)
+        self.depth += 1
+        yield
+        self.depth -= 1
+        self.known = outer
+
+    @contextmanager
+    def each(self, bound: Node, row: str) -> Iterator[None]:
+        """The block of a loop over rows."""
+        head, *first = self.head(bound.args[0], row)
+        with self.block(head):
+            for line in first:
+                self.write(line)
+            self.known[bound] = row
+            self.unpack(bound)
+            yield
+
+    def columns(self) -> dict[Relation, list[int]]:
+        """What is read: the columns of each relation."""
+        found: dict[Relation, set[int]] = {}
+        for node in self.reached:
+            if node.op == "col":
+                found.setdefault(node.data[0], set()).add(node.data[1])
+            elif node.op in ("facts", "others", "row"):
+                found.setdefault(node.data, set())
+        return {relation: sorted(used) for relation, used in found.items()}
+
+    def sweep(self) -> None:
+        """Write every loop over rows."""
+        for loop in self._loops():
+            self._sweep(loop)
+
+    # ---------------------------------------------------------------- loops
+
+    def _stage(self, node: Node) -> int:
+        """How many loops, one after another, a value has to wait for."""
+        known = self.stages.get(node)
+        if known is None:
+            known = max((self._stage(arg) for arg in node.args), default=0)
+            if not node.free and (node.op == "where" or (node.op in QUANTIFIERS and not is_lookup(node))):
+                known += 1
+            self.stages[node] = known
+        return known
+
+    def _loops(self) -> list[_Loop]:
+        """The loops over rows, as few as will do, in an order in which each finds what it needs."""
+        waiting: dict[Node, list[Node]] = {}  # by the rows that they loop over
+        latest: dict[Node, int] = {}
+        for node in self.reached:
+            if node.op == "where" or (node.op in QUANTIFIERS and not is_lookup(node)):
+                if node.free:
+                    continue
+                waiting.setdefault(node.args[0] if node.op == "where" else node.args[0].args[0], []).append(
+                    node
+                )
+                for part in reach(node.args):
+                    latest[part] = min(latest.get(part, self._stage(node)), self._stage(node) - 1)
+        loops: dict[tuple[int, Node], _Loop] = {}
+        for rows, members in waiting.items():
+            last = max(map(self._stage, members))
+            stage = -1
+            for node in sorted(members, key=lambda node: latest.get(node, last)):
+                if self._stage(node) > stage:
+                    stage = latest.get(node, last)
+                loops.setdefault((stage, rows), _Loop(rows)).members.append(node)
+        for loop in loops.values():
+            loop.members.sort(key=lambda node: node.order)
+        return [loops[key] for key in sorted(loops, key=lambda key: (key[0], key[1].order))]
+
+    def _sweep(self, loop: _Loop) -> None:
+        """One loop for all its members."""
+        self._name_outside(loop.members)
+        bound = self.pool.make("loop", "index", (loop.rows,), 0)
+        items = [self._item(member) for member in loop.members]
+        self._loop(bound, items, leave=len(loop.members) == 1 and loop.members[0].op in ("any", "first"))
+
+    def _loop(self, bound: Node, items: list[Item], *, leave: bool) -> None:
+        row = self.names.new(relation_of(bound).name)
+        with self.each(bound, row):
+            self.visit(items)
+            if leave and self.leaves(bound):
+                # the last line is the action, at its own depth
+                last = self.lines[-1]
+                self.lines.append(last[: len(last) - len(last.lstrip())] + "break")
+
+    def _name_outside(self, members: Sequence[Node]) -> None:
+        """Compute what the loop uses but does not change, before it."""
+        fixed = [
+            node
+            for member in members
+            for part in member.args
+            if part is not member.loop
+            for node in _fixed_parts(part)
+            if node.op not in _TRIVIAL
+        ]
+        self.share(fixed)
+        for node in fixed:
+            if node not in self.known:
+                self.assign(node)
+
+    def _item(self, node: Node) -> Item:
+        """What computes a quantifier or a selection of rows, row by row."""
+        name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, node.op)))
+        parts = conjuncts(node.args[-1] if node.op == "where" else node.args[1])
+        conds = tuple(sorted((part for part in parts if not part.is_const), key=is_costly))
+        loop = node.loop
+
+        def row() -> str:
+            return self.known[loop]
+
+        if node.op == "where":
+            add = self.choose_rows(name, node)
+            return Item(node, conds, (), lambda: add(row()))
+        if node.op == "any":
+            self.write(f"{name} = False")
+            return Item(node, conds, (), lambda: self.write(f"{name} = True"))
+        if node.op == "count":
+            self.write(f"{name} = 0")
+            return Item(node, conds, (), lambda: self.write(f"{name} += 1"))
+        if node.op == "first":
+            blank = self.no_row(relation_of(node))
+            self.write(f"{name} = {blank}")
+            none = self.is_none(name, relation_of(node))
+            return Item(node, conds, (), lambda: self.write(f"{name} = {row()} if {none} else {name}"))
+        value = node.args[2]
+        if node.op == "sum":
+            self.write(f"{name} = {self.text(node.args[3], CHOICE)}")
+            return Item(node, conds, (value,), lambda: self.write(f"{name} += {self.text(value, CHOICE)}"))
+        return self._extreme_item(node, name, conds, value)
+
+    def _extreme_item(self, node: Node, name: str, conds: tuple[Node, ...], value: Node) -> Item:
+        least = node.op in ("min_of", "argmin")
+        best = name
+        if node.op in ("argmin", "argmax"):
+            best = self.names.new("least" if least else "greatest")
+            self.write(f"{name} = {self.no_row(relation_of(node))}")
+        self.write(f"{best} = {self.no_value(value, greatest=least)}")
+
+        def act() -> None:
+            text = self.known.get(value) or self.assign(value)
+            with self.block(f"if {text} {'<' if least else '>'} {best}:"):
+                self.write(f"{best} = {text}")
+                if best is not name:
+                    self.write(f"{name} = {self.known[node.loop]}")
+
+        return Item(node, conds, (value,), act, best)
+
+    def visit(self, items: Sequence[Item]) -> None:
+        """Do what the items say, testing a condition that several begin with only once."""
+        groups: dict[Node, list[Item]] = {}
+        for item in items:
+            if item.conds:
+                groups.setdefault(item.conds[0], []).append(item)
+        ready = [item for item in items if not item.conds]
+        self.share([*groups, *(value for item in ready for value in item.values)], items)
+        for item in ready:
+            item.act()
+        chain: list[Node] = []  # the conditions of the ifs that this one may be an elif of
+        tests: list[Node] = []
+        for cond, members in groups.items():
+            test = cond
+            rest = [item.without(item.conds[:1]) for item in members]
+            while (
+                len({item.conds[:1] for item in rest}) == 1
+                and rest[0].conds
+                and not is_costly(rest[0].conds[0])
+            ):
+                test = self.pool.and_([test, rest[0].conds[0]])
+                rest = [item.without(item.conds[:1]) for item in rest]
+            self.nested_quantifiers(cond)
+            exclusive = all(self.pool.and_([before, cond]) is self.pool.false for before in chain)
+            if not exclusive:
+                chain, tests = [], []
+            if tests == [self.pool.not_(cond)] and test is cond:
+                head = "else:"
+                chain, tests = [], []
+            else:
+                head = f"{'elif' if chain else 'if'} {self.text(test, CHOICE)}:"
+                chain, tests = [*chain, cond], [*tests, test]
+            with self.block(head):
+                self.visit(rest)
+
+    # ---------------------------------------------------------------- sharing
+
+    def share(self, now: Iterable[Node], items: Sequence[Item] = ()) -> None:
+        """Name the values that are needed now and used more than once from here on."""
+        now = list(now)
+        later = list(dict.fromkeys(node for item in items for node in (*item.conds, *item.values))) or now
+        uses = Counter(later)
+        for node in reach(later, self.known):
+            for arg in node.args:
+                uses[arg] += 2 if node.op in self.twice and not arg.is_const else 1
+        for node in reach(now, self.known):
+            if node in self.known or node.op in _TRIVIAL or not self._in_scope(node):
+                continue
+            if node.op in QUANTIFIERS and not is_lookup(node):
+                self._nested(node)
+            elif uses[node] > 1 or self.is_dear(node):
+                self.assign(node)
+
+    def _in_scope(self, node: Node) -> bool:
+        return all(loop in self.known for loop in node.free)
+
+    def nested_quantifiers(self, node: Node) -> None:
+        for part in reach([node], self.known):
+            if part.op in QUANTIFIERS and not is_lookup(part) and self._in_scope(part):
+                self._nested(part)
+
+    def _nested(self, node: Node) -> None:
+        """A loop inside a loop."""
+        item = self._item(node)
+        self._loop(node.args[0], [item], leave=node.op in ("any", "first"))
+
+    def assign(self, node: Node) -> str:
+        """Give a value a variable."""
+        self.nested_quantifiers(node)
+        text = self.text(node, CHOICE)
+        name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
+        self.write(f"{name} = {text}")
+        return name
+
+
+_HINTS: Final = {
+    "any": "found",
+    "first": "chosen",
+    "where": "chosen_rows",
+    "min_of": "least",
+    "max_of": "greatest",
+}
+
+
+def _fixed_parts(node: Node) -> Iterator[Node]:
+    """The largest parts that depend on no loop."""
+    if not node.free:
+        yield node
+    else:
+        for arg in node.args:
+            yield from _fixed_parts(arg)
+
+
+def is_costly(node: Node) -> bool:
+    """Whether a condition needs a loop of its own."""
+    return any(part.op in QUANTIFIERS and not is_lookup(part) for part in reach([node]))

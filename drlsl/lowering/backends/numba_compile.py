@@ -1,0 +1,187 @@
+"""Numba as the compiler of generated text, with what it compiled kept on disk.
+
+Numba keeps machine code beside the file that a function stands in, so the text is written to a file of its
+own, named after what the code depends on: the text, the functions that it calls, and Numba's version.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import importlib.util
+import inspect
+import logging
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import llvmlite.binding
+import numba
+from numba import types
+from numba.extending import overload, register_jitable
+
+from drlsl.lowering.backends import loop_ops
+from drlsl.lowering.backends.array_loops import ArrayLoopPrinter, Kind, Parameter
+from drlsl.lowering.backends.loop_ops import CALLED, MATH, OPS
+from drlsl.lowering.ir import rounded
+
+_LOG: Final = logging.getLogger(__name__)
+_TYPES: Final[dict[Kind, Any]] = {"bool": types.boolean, "int": types.int64, "float": types.float64}
+_BROKEN: Final = (
+    OSError,
+    EOFError,
+    pickle.UnpicklingError,
+    ValueError,
+    RuntimeError,
+    AttributeError,
+    ImportError,
+)
+"""What numba raises where its cache cannot be used or is damaged."""
+
+
+def compiled(printer: ArrayLoopPrinter, folder: Path | None) -> Callable[..., bool]:
+    """The function of `printer`'s text as machine code, from `folder` where it was compiled before.
+
+    Where the folder cannot be used, a warning is logged and the function compiled anew.
+    """
+    _make_known()
+    text = printer.module()
+    signature = types.boolean(
+        *(
+            _type(parameter, readonly=True)
+            for given in printer.given.values()
+            for parameter in given.parameters
+        ),
+        *(_type(parameter, readonly=False) for parameter in printer.results),
+    )
+    if folder is not None:
+        try:
+            return _cached(text, signature, folder)
+        except _BROKEN as error:
+            _LOG.warning("%s: the machine code of rules cannot be kept there (%s)", folder, error)
+    namespace = dict(CALLED)
+    exec(compile(text, "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
+    return _jit(namespace["answer"], signature, keep=False)
+
+
+def _type(parameter: Parameter, *, readonly: bool) -> Any:
+    return types.Array(_TYPES[parameter.kind], parameter.axes, "C", readonly=readonly)
+
+
+def _jit(function: Callable[..., Any], signature: Any, *, keep: bool) -> Callable[..., bool]:
+    jitted = numba.njit(cache=keep, error_model="numpy", nogil=True)(function)
+    if keep:
+        folder, name = Path(str(jitted.stats.cache_path)), function.__module__
+        _drop_damaged(folder, name)
+        jitted.compile(signature)
+        _seal(folder, name)
+    else:
+        jitted.compile(signature)
+    jitted.disable_compile()
+    checked: Callable[..., bool] = jitted
+    return checked
+
+
+def _drop_damaged(folder: Path, name: str) -> None:
+    """Remove what Numba has kept of a text, where it is not as it was written: machine code is run unseen."""
+    for path in _kept(folder, name):
+        seal = _seal_of(path)
+        known = seal.read_text(encoding="utf-8") if seal.is_file() else None
+        if known != _digest_of(path):
+            if known is not None:
+                _LOG.warning("%s: damaged machine code of rules, made anew", path)
+            path.unlink(missing_ok=True)
+
+
+def _seal(folder: Path, name: str) -> None:
+    """Keep the checksums of what Numba has kept of a text."""
+    for path in _kept(folder, name):
+        _write(_seal_of(path), _digest_of(path))
+
+
+def _kept(folder: Path, name: str) -> list[Path]:
+    return [path for path in folder.glob(f"{name}.*") if path.suffix in (".nbi", ".nbc")]
+
+
+def _seal_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
+
+
+def _digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
+    name = f"rules_{_digest(text)}"
+    known = sys.modules.get(name)
+    if known is None:
+        path = folder / f"{name}.py"
+        _write(path, text)
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None
+        known = importlib.util.module_from_spec(spec)
+        vars(known).update(CALLED)
+        exec(compile(text, path, "exec"), vars(known))  # noqa: S102  (the text is made here)
+        sys.modules[name] = known  # where numba looks for it when it loads machine code
+        try:
+            known.answer = _jit(known.answer, signature, keep=True)  # type: ignore[attr-defined]  # made by the text
+        except BaseException:
+            del sys.modules[name]
+            raise
+    function: Callable[..., bool] = known.answer
+    return function
+
+
+def _digest(text: str) -> str:
+    digest = hashlib.sha256(f"{numba.__version__}\n{text}".encode())
+    for called in (str(loop_ops.__file__), inspect.getfile(rounded)):
+        digest.update(Path(called).read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file, whole or not at all, unless it is there already."""
+    if path.is_file() and path.read_text(encoding="utf-8") == text:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(
+        "w", dir=path.parent, suffix=".part", delete=False, encoding="utf-8"
+    ) as file:
+        try:
+            file.write(text)
+            file.close()
+            os.replace(file.name, path)
+        except BaseException:
+            file.close()
+            Path(file.name).unlink(missing_ok=True)
+            raise
+
+
+@cache
+def _make_known() -> Sequence[Any]:
+    """Tell numba what generated code calls; the result has to be kept.
+
+    The functions of the C library are called through Python: compilers know some of them too well, and
+    replace them by others that differ in the last bit.
+    """
+    for function in OPS.values():
+        register_jitable(function)
+    return [_make_math_known(name, function) for name, function in MATH.items()]
+
+
+def _make_math_known(name: str, function: Callable[..., float]) -> Any:
+    takes_two = name == "math_pow"
+    numbers_ = [ctypes.c_double] * (2 if takes_two else 1)
+    callback = ctypes.CFUNCTYPE(ctypes.c_double, *numbers_)(function)
+    llvmlite.binding.add_symbol(f"drlsl_{name}", ctypes.cast(callback, ctypes.c_void_p).value)
+    called = types.ExternalFunction(f"drlsl_{name}", types.float64(*[types.float64] * len(numbers_)))
+    if takes_two:
+        overload(function)(lambda left, right: lambda left, right: called(left, right))
+    else:
+        overload(function)(lambda value: lambda value: called(value))
+    return callback

@@ -1,0 +1,75 @@
+"""Terms and goals of a program that is being unfolded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from drlsl.logic.core import Clause
+from drlsl.logic.terms import Atom, Struct, Var
+from drlsl.lowering.ir import Bag, Node, Sym, map_terms
+
+
+def conjunction(goal: Sym) -> list[Sym]:
+    """The goals of a conjunction, in order; a variable stands for one goal, whatever it is bound to."""
+    if isinstance(goal, Var):
+        return [goal]
+    if isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
+        return [*conjunction(goal.args[0]), *conjunction(goal.args[1])]
+    return [goal]
+
+
+def is_atom(term: Sym, name: str) -> bool:
+    """Whether a term is the atom of that name."""
+    return isinstance(term, Atom) and term.name == name
+
+
+def has_cut(goal: Sym) -> bool:
+    """Whether a goal cuts the clause that it stands in; what a variable is bound to cuts only itself."""
+    if isinstance(goal, Struct) and len(goal.args) == 2:
+        if goal.name in (",", ";"):
+            return any(map(has_cut, goal.args))
+        if goal.name in ("->", "*->"):
+            return has_cut(goal.args[1])
+    return is_atom(goal, "!")
+
+
+def variables_of(terms: Sequence[Sym]) -> list[Var]:
+    """The unbound variables, in order of appearance."""
+    found: dict[Var, None] = {}
+
+    def visit(part: Sym) -> Sym:
+        if isinstance(part, Var):
+            found[part] = None
+        return part
+
+    for term in terms:
+        map_terms(visit, term)
+    return list(found)
+
+
+def is_ground(term: Sym) -> bool:
+    """Whether a term holds no unbound variable."""
+    return not variables_of([term])
+
+
+def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Sym]:
+    """The head's arguments and the body with variables of their own."""
+    fresh: dict[Sym, Sym] = {}
+
+    def visit(part: Sym) -> Sym:
+        return fresh.setdefault(part, Var(names.get(part, "_"))) if isinstance(part, Var) else part
+
+    names = {variable: name for name, variable in clause.names.items()}
+    return tuple(map_terms(visit, arg) for arg in clause.args), map_terms(visit, clause.body)
+
+
+def call_key(term: Sym, numbers: dict[Sym, int]) -> Any:
+    """What tells a call apart from one with other arguments; variables count by `numbers`."""
+    if isinstance(term, Var):
+        return numbers[term]
+    if isinstance(term, Struct):
+        return (term.name, *(call_key(arg, numbers) for arg in term.args))
+    if isinstance(term, Node | Bag | Atom):
+        return term
+    return type(term), repr(term)

@@ -1,0 +1,511 @@
+"""The intermediate form: typed expressions over the rows of fact relations, each one built only once.
+
+A `Node` is an operation on other nodes. A `Pool` makes them: equal nodes are the same object, so a common
+subexpression costs nothing, and every constructor simplifies what it can without changing a value. An index
+node stands for a row of a relation: a loop that a quantifier binds, the first row that meets a condition, or
+a fixed row. Loops are numbered by how many others enclose them, so that two equal quantifiers are the same
+node.
+
+Operations, by kind of result:
+
+==========  ==========================================================================================
+index       loop, row, first, argmin, argmax, select
+rows        facts, others, where
+bool        const, lt, eq, not, and, or, any
+number      const, col, select, count, sum, min_of, max_of, and those of `numbers.py`
+atom        const, col, select
+==========  ==========================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container, Iterable, Mapping
+from typing import Any, Final, Literal, TypeAlias
+
+from drlsl.logic.terms import Atom
+from drlsl.lowering.ir.schema import FLOAT_BOUND, INT_BOUND, Relation
+
+Kind: TypeAlias = Literal["bool", "int", "float", "number", "atom", "index", "rows"]
+"""`number` is an integer or a float by the scene: always a select between the two."""
+
+Interval: TypeAlias = tuple[float, float]
+ANY_FLOAT: Final[Interval] = (-FLOAT_BOUND, FLOAT_BOUND)
+ANY_INT: Final[Interval] = (-INT_BOUND, INT_BOUND)
+UNKNOWN: Final[Interval] = (-math.inf, math.inf)
+
+SMALL: Final = 16
+"""Of a relation with no more rows, those that meet a condition are picked out before a loop inside a loop."""
+
+QUANTIFIERS: Final = frozenset({"any", "count", "sum", "first", "min_of", "max_of", "argmin", "argmax"})
+
+
+class Node:
+    """One operation. `free` holds the loops it depends on, `low` and `high` bound a number's value."""
+
+    __slots__ = ("args", "data", "free", "high", "kind", "low", "op", "order")
+
+    def __init__(
+        self,
+        op: str,
+        kind: Kind,
+        args: tuple[Node, ...],
+        data: Any,
+        free: frozenset[Node],
+        bounds: Interval,
+        order: int,
+    ) -> None:
+        self.op = op
+        self.kind = kind
+        self.args = args
+        self.data = data
+        self.free = frozenset({self}) if op == "loop" else free
+        self.low, self.high = bounds
+        self.order = order  # of making: arguments come before the nodes that use them
+
+    def __repr__(self) -> str:
+        inside = [repr(self.data)] if self.data is not None else []
+        return f"{self.op}({', '.join(inside + [repr(arg) for arg in self.args])})"
+
+    @property
+    def is_const(self) -> bool:
+        return self.op == "const"
+
+    @property
+    def loop(self) -> Node:
+        """The loop that a quantifier or a where node binds."""
+        return self.args[1] if self.op == "where" else self.args[0]
+
+
+def relation_of(rows: Node) -> Relation:
+    """The relation that an index or rows node ranges over."""
+    while rows.op not in ("facts", "others", "row"):
+        rows = rows.args[1] if rows.op == "select" else rows.args[0]
+    relation: Relation = rows.data
+    return relation
+
+
+class Pool:
+    """Makes nodes, and keeps the names that the rules give to values, and where comparisons are written."""
+
+    def __init__(self) -> None:
+        self._made: dict[Any, Node] = {}
+        self._levels = 1000  # loops under construction; `quantify` numbers them anew
+        self.names: Final[dict[Node, str]] = {}
+        self.sources: Final[dict[Node, Any]] = {}
+        self.true = self.const(True)
+        self.false = self.const(False)
+
+    def make(
+        self, op: str, kind: Kind, args: tuple[Node, ...] = (), data: Any = None, bounds: Interval = UNKNOWN
+    ) -> Node:
+        """The node of this operation, as it stands."""
+        key = (op, kind, args, data if type(data) is not float else (data, math.copysign(1.0, data)))
+        known = self._made.get(key)
+        if known is not None:
+            return known
+        free: frozenset[Node] = frozenset().union(*(arg.free for arg in args))
+        if op in QUANTIFIERS:
+            free -= args[0].free
+            free |= args[0].args[0].free
+        elif op == "where":
+            free -= {args[1]}
+        node = Node(op, kind, args, data, free, bounds, len(self._made))
+        self._made[key] = node
+        return node
+
+    def name(self, node: Node, name: str) -> Node:
+        """Remember what the rules call a value; the first name stays."""
+        if not node.is_const and node.op != "loop" and not name.startswith("_"):
+            self.names.setdefault(node, name)
+        return node
+
+    def come_from(self, node: Node, source: Any) -> None:
+        """Remember where the comparisons of a condition are written; the first source stays."""
+        if node.op in ("not", "and", "or"):
+            for arg in node.args:
+                self.come_from(arg, source)
+        elif not node.is_const:
+            self.sources.setdefault(node, source)
+
+    def keep_source(self, node: Node, made: Node) -> None:
+        """A comparison made out of another has the same source."""
+        if node in self.sources:
+            self.come_from(made, self.sources[node])
+
+    # ---------------------------------------------------------------- constants and columns
+
+    def const(self, value: Atom | bool | int | float) -> Node:
+        """A constant."""
+        if isinstance(value, bool):
+            return self.make("const", "bool", (), value)
+        if isinstance(value, Atom):
+            return self.make("const", "atom", (), value)
+        if isinstance(value, int):
+            # an integer too large for a float has bounds that no operation accepts
+            bound = float(value) if abs(value) <= INT_BOUND else math.inf
+            return self.make("const", "int", (), value, (bound, bound) if bound < math.inf else UNKNOWN)
+        return self.make("const", "float", (), value, (value, value) if math.isfinite(value) else UNKNOWN)
+
+    def column(self, index: Node, relation: Relation, column: int) -> Node:
+        """The value in one column of a row."""
+        if column == relation.key and index.op == "row" and relation.first is not None:
+            return self.const(Atom(relation.first))
+        kind = relation.columns[column]
+        bounds = UNKNOWN if kind == "atom" else ANY_INT if kind == "int" else ANY_FLOAT
+        return self.make("col", kind, (index,), (relation, column), bounds)
+
+    def rows(self, relation: Relation) -> Node:
+        """The rows that a loop visits: all, or all after the one that `first` names."""
+        return self.make("facts" if relation.first is None else "others", "rows", (), relation)
+
+    def row(self, relation: Relation) -> Node:
+        """The first row of a relation that always has one."""
+        return self.make("row", "index", (), relation)
+
+    def fresh_loop(self, rows: Node) -> Node:
+        """A loop that no quantifier binds yet."""
+        self._levels += 1
+        return self.make("loop", "index", (rows,), self._levels)
+
+    # ---------------------------------------------------------------- truth
+
+    def not_(self, node: Node) -> Node:
+        """Negation."""
+        if node.is_const:
+            return self.const(not node.data)
+        if node.op == "not":
+            return node.args[0]
+        if node.op == "or":
+            return self.and_(self.not_(arg) for arg in node.args)
+        if node.op == "and" and all(arg.op == "not" for arg in node.args):
+            return self.or_(arg.args[0] for arg in node.args)
+        return self.make("not", "bool", (node,))
+
+    def and_(self, nodes: Iterable[Node]) -> Node:
+        """Conjunction, in order."""
+        parts: dict[Node, None] = {}
+        for node in nodes:
+            parts.update(dict.fromkeys(node.args if node.op == "and" else (node,)))
+        parts.pop(self.true, None)
+        changed = True
+        while changed:
+            changed = False
+            for part in list(parts):
+                left = self._under(part, parts)
+                if left is part:
+                    continue
+                changed = True
+                places = [
+                    other
+                    for old in parts
+                    for other in ((left.args if left.op == "and" else (left,)) if old is part else (old,))
+                ]
+                parts = dict.fromkeys(places)
+                parts.pop(self.true, None)
+                break
+        if self.false in parts or any(self._excluded(part, parts) for part in parts):
+            return self.false
+        if len(parts) < 2:
+            return next(iter(parts), self.true)
+        return self.make("and", "bool", tuple(parts))
+
+    def _under(self, part: Node, known: Mapping[Node, None]) -> Node:
+        """What is left of a conjunct where the others hold."""
+        if part.op == "or":
+            if any(
+                arg in known or (arg.op == "and" and all(a in known for a in arg.args)) for arg in part.args
+            ):
+                return self.true
+            kept = [arg for arg in part.args if self.not_(arg) not in known]
+            return part if len(kept) == len(part.args) else self.or_(kept)
+        if part.op == "not" and part.args[0].op == "and":
+            kept = [arg for arg in part.args[0].args if arg not in known]
+            return part if len(kept) == len(part.args[0].args) else self.not_(self.and_(kept))
+        if part.op == "not" and part.args[0].op == "eq":
+            left, right = part.args[0].args
+            if right.is_const and any(
+                k.op == "eq" and k.args[0] is left and k.args[1].is_const for k in known
+            ):
+                return self.true if self.make("eq", "bool", (left, right)) not in known else part
+        return part
+
+    def _excluded(self, part: Node, known: Mapping[Node, None]) -> bool:
+        """Whether a conjunct contradicts another."""
+        if self.not_(part) in known:
+            return True
+        if part.op == "lt":
+            return self.make("lt", "bool", (part.args[1], part.args[0])) in known
+        if part.op == "eq" and part.args[1].is_const:
+            return any(
+                other.op == "eq"
+                and other is not part
+                and other.args[0] is part.args[0]
+                and other.args[1].is_const
+                for other in known
+            )
+        return False
+
+    def or_(self, nodes: Iterable[Node]) -> Node:
+        """Disjunction, in order."""
+        parts: dict[Node, None] = {}
+        for node in nodes:
+            parts.update(dict.fromkeys(node.args if node.op == "or" else (node,)))
+        parts.pop(self.false, None)
+        if self.true in parts or any(self.not_(part) in parts for part in parts):
+            return self.true
+        if len(parts) < 2:
+            return next(iter(parts), self.false)
+        conjunctions = [conjuncts(part) for part in parts]
+        common = [node for node in conjunctions[0] if all(node in other for other in conjunctions[1:])]
+        if common:
+            rests = [self.and_(node for node in other if node not in common) for other in conjunctions]
+            return self.and_([*common, self.or_(rests)])
+        for part in parts:
+            left = self._beside(part, parts)
+            if left is not part:
+                return self.or_(left if other is part else other for other in parts)
+        return self.make("or", "bool", tuple(parts))
+
+    def _beside(self, part: Node, known: Mapping[Node, None]) -> Node:
+        """What is left of a disjunct where the others do not hold."""
+        if part.op != "and":
+            return part
+        if any(arg in known for arg in part.args):
+            return self.false
+        kept = [arg for arg in part.args if self.not_(arg) not in known]
+        return part if len(kept) == len(part.args) else self.and_(kept)
+
+    def less(self, left: Node, right: Node) -> Node:
+        """left < right, both of one kind of number; never given a NaN."""
+        if left is right or left.low >= right.high:
+            return self.false
+        if left.high < right.low:
+            return self.true
+        return self.make("lt", "bool", (left, right))
+
+    def equal(self, left: Node, right: Node) -> Node:
+        """left equals right, both of one kind. As in the engine, 0.0 and -0.0 are equal."""
+        if left is right:
+            return self.true
+        if left.is_const and right.is_const:
+            return self.const(bool(left.data == right.data))
+        if left.high < right.low or right.high < left.low:
+            return self.false
+        for chosen, other in ((left, right), (right, left)):
+            if chosen.op == "select" and other.is_const:
+                cond, then, els = chosen.args
+                return self.choose(cond, self.equal(then, other), self.equal(els, other))
+        if left.is_const:
+            left, right = right, left
+        for key, value in ((left, right), (right, left)):
+            if _is_first_key(value) and key.op == "col" and _ranges_over_others(key.args[0]):
+                relation, column = key.data
+                if column == relation.key and value.data.name == relation.first:
+                    return self.false
+        if not right.is_const and left.order > right.order:
+            left, right = right, left
+        return self.make("eq", "bool", (left, right))
+
+    # ---------------------------------------------------------------- choice
+
+    def choose(self, cond: Node, then: Node, els: Node) -> Node:
+        """`then` where `cond` holds, else `els`."""
+        if cond.is_const:
+            return then if cond.data else els
+        if then is els:
+            return then
+        if cond.op == "not":
+            return self.choose(cond.args[0], els, then)
+        if then.kind == "bool":
+            return self.or_([self.and_([cond, then]), self.and_([self.not_(cond), els])])
+        if then.op == "select" and then.args[0] is cond:
+            then = then.args[1]
+        if els.op == "select" and els.args[0] is cond:
+            els = els.args[2]
+        if els.op == "select" and els.args[1] is then:
+            return self.choose(self.or_([cond, els.args[0]]), then, els.args[2])
+        kind: Kind = then.kind if then.kind == els.kind else "number"
+        if kind == "number" and {then.kind, els.kind} - {"int", "float", "number"}:
+            raise ValueError(f"no value is of kind {then.kind} or {els.kind}")
+        bounds = (min(then.low, els.low), max(then.high, els.high))
+        return self.make("select", kind, (cond, then, els), None, bounds)
+
+    # ---------------------------------------------------------------- quantifiers
+
+    def exists(self, loop: Node, cond: Node) -> Node:
+        """Some row meets the condition."""
+        fixed, inner = _split(loop, cond)
+        return self.and_([*fixed, self._quantify("any", "bool", loop, self.and_(inner))])
+
+    def first(self, loop: Node, cond: Node) -> Node:
+        """The first row that meets the condition; any row where none does."""
+        _, inner = _split(loop, cond)
+        return self._quantify("first", "index", loop, self.and_(inner))
+
+    def count(self, loop: Node, cond: Node) -> Node:
+        """How many rows meet the condition."""
+        fixed, inner = _split(loop, cond)
+        counted = self._quantify("count", "int", loop, self.and_(inner), bounds=(0.0, 1e6))
+        return self.choose(self.and_(fixed), counted, self.const(0))
+
+    def extreme(self, op: str, loop: Node, cond: Node, value: Node) -> Node:
+        """The least or greatest value over the rows that meet the condition, or the first row that has it.
+
+        `op` is min_of, max_of, argmin or argmax. Where no row meets the condition the value means nothing.
+        """
+        _, inner = _split(loop, cond)
+        if loop not in value.free:
+            return value if op in ("min_of", "max_of") else self.first(loop, cond)
+        if op in ("min_of", "max_of"):
+            return self._quantify(op, value.kind, loop, self.and_(inner), (value,), (value.low, value.high))
+        return self._quantify(op, "index", loop, self.and_(inner), (value,))
+
+    def total(self, loop: Node, cond: Node, value: Node, start: Node, bounds: Interval) -> Node:
+        """`start` and then the values of the rows that meet the condition, added in order."""
+        fixed, inner = _split(loop, cond)
+        added = self._quantify("sum", value.kind, loop, self.and_(inner), (value, start), bounds)
+        return self.choose(self.and_(fixed), added, start)
+
+    def _quantify(
+        self,
+        op: str,
+        kind: Kind,
+        loop: Node,
+        cond: Node,
+        values: tuple[Node, ...] = (),
+        bounds: Interval = UNKNOWN,
+    ) -> Node:
+        if op == "any" and cond is self.false:
+            return self.false
+        if op == "count" and cond is self.false:
+            return self.const(0)
+        outer = (cond.free.union(*(v.free for v in values)) | loop.args[0].free) - {loop}
+        own: list[Node] = []
+        rest: list[Node] = []
+        for part in conjuncts(cond):
+            (own if part.free <= {loop} and not _holds_loop_inside(part, loop) else rest).append(part)
+        rows = loop.args[0]
+        small = relation_of(loop).capacity <= SMALL
+        select = outer or (small and any(_holds_loop_inside(node, loop) for node in (*rest, *values)))
+        if own and select and own != [self.true]:
+            rows = self._where(rows, loop, self.and_(own))
+            cond = self.and_(rest)
+        used = {node.data for node in outer}
+        level = next(n for n in range(len(used) + 1) if n not in used)
+        bound = self.make("loop", "index", (rows,), level)
+        if bound is not loop:
+            renaming = {loop: bound}
+            cond = self.substitute(cond, renaming)
+            values = tuple(self.substitute(v, renaming) for v in values)
+        return self.make(op, kind, (bound, cond, *values), None, bounds)
+
+    def _where(self, rows: Node, loop: Node, cond: Node) -> Node:
+        """The rows that meet a condition of their own."""
+        bound = self.make("loop", "index", (rows,), 0)
+        return self.make("where", "rows", (rows, bound, self.substitute(cond, {loop: bound})))
+
+    # ---------------------------------------------------------------- substitution
+
+    def substitute(self, node: Node, mapping: Mapping[Node, Node]) -> Node:
+        """`node` with other nodes in place of loops."""
+        return self._substitute(node, mapping, {})
+
+    def _substitute(self, node: Node, mapping: Mapping[Node, Node], done: dict[Node, Node]) -> Node:
+        if node in mapping:
+            return mapping[node]
+        if node.op == "loop" or not node.free & mapping.keys():
+            return node
+        known = done.get(node)
+        if known is None:
+            if node.op in QUANTIFIERS:
+                # a bound loop of its own, so that what comes in cannot be captured
+                fresh = self.fresh_loop(node.args[0].args[0])
+                inner = {**mapping, node.args[0]: fresh}
+                known = self._requantify(node, fresh, [self.substitute(arg, inner) for arg in node.args[1:]])
+            else:
+                known = self.rebuild(node, tuple(self._substitute(arg, mapping, done) for arg in node.args))
+            done[node] = known
+            self.keep_source(node, known)
+            if node in self.names:
+                self.name(known, self.names[node])
+        return known
+
+    def _requantify(self, node: Node, loop: Node, parts: list[Node]) -> Node:
+        if node.op == "any":
+            return self.exists(loop, parts[0])
+        if node.op == "first":
+            return self.first(loop, parts[0])
+        if node.op == "count":
+            return self.count(loop, parts[0])
+        if node.op == "sum":
+            return self.total(loop, parts[0], parts[1], parts[2], (node.low, node.high))
+        return self.extreme(node.op, loop, parts[0], parts[1])
+
+    def rebuild(self, node: Node, args: tuple[Node, ...]) -> Node:
+        """The operation of `node` on other arguments."""
+        simple: dict[str, Callable[..., Node]] = {
+            "not": self.not_,
+            "lt": self.less,
+            "eq": self.equal,
+            "select": self.choose,
+        }
+        if node.op in simple:
+            return simple[node.op](*args)
+        if node.op == "and":
+            return self.and_(args)
+        if node.op == "or":
+            return self.or_(args)
+        if node.op == "col":
+            return self.column(args[0], *node.data)
+        return self.make(node.op, node.kind, args, node.data, (node.low, node.high))
+
+
+def conjuncts(node: Node) -> tuple[Node, ...]:
+    """The parts of a conjunction."""
+    return node.args if node.op == "and" else (node,)
+
+
+def reach(roots: Iterable[Node], known: Container[Node] = ()) -> dict[Node, None]:
+    """Every node that the roots are made of, arguments first; what is known is left out with its parts."""
+    found: dict[Node, None] = {}
+
+    def visit(node: Node) -> None:
+        if node not in found and node not in known:
+            for arg in node.args:
+                visit(arg)
+            found[node] = None
+
+    for root in roots:
+        visit(root)
+    return found
+
+
+def _split(loop: Node, cond: Node) -> tuple[list[Node], list[Node]]:
+    """The conjuncts that do not depend on the loop, and those that do."""
+    fixed = [part for part in conjuncts(cond) if loop not in part.free]
+    return fixed, [part for part in conjuncts(cond) if loop in part.free]
+
+
+def _holds_loop_inside(node: Node, loop: Node) -> bool:
+    """Whether a quantifier inside `node` depends on `loop`."""
+    if loop not in node.free:
+        return False
+    return node.op in QUANTIFIERS or any(_holds_loop_inside(arg, loop) for arg in node.args)
+
+
+def _ranges_over_others(index: Node) -> bool:
+    """Whether an index is surely not the first row of its relation."""
+    if index.op in ("loop", "first", "argmin", "argmax"):
+        return _base(index).op == "others"
+    return index.op == "select" and all(_ranges_over_others(arg) for arg in index.args[1:])
+
+
+def _base(node: Node) -> Node:
+    while node.op not in ("facts", "others", "row"):
+        node = node.args[0]
+    return node
+
+
+def _is_first_key(node: Node) -> bool:
+    return node.is_const and isinstance(node.data, Atom)

@@ -1,0 +1,5 @@
+"""Scenes drawn to break a property before it is called proved."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,391 @@
+"""What a lowered condition is in one scene, in exact arithmetic, and where floats judge otherwise.
+
+Numbers are rational, or enclosed between two rationals that come closer with every try: roots and
+exponentials need that. What the enclosures cannot decide within `_MOST_BITS` stays open.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Final, Generic, TypeAlias, TypeVar
+
+from drlsl.logic.terms import Atom
+from drlsl.lowering.ir import FUNCTIONS, OPERATIONS, SMALLEST_DIVISOR, Node, reach
+from drlsl.verify.attack.enclosures import ANY, NO_NUMBER, Enclosure, hull, operation, point
+from drlsl.verify.attack.sampled_facts import ExactFacts
+
+N = TypeVar("N")
+Truth: TypeAlias = "bool | None"
+"""None: the enclosures do not tell yet."""
+
+Place: TypeAlias = tuple[Node, tuple[int, ...]]
+"""A comparison, and the rows that the loops around it stand at."""
+
+_BITS: Final = (80, 200, 500, 1200)
+_MOST_BITS: Final = _BITS[-1]
+
+
+class CannotJudge(Exception):
+    """The enclosures are too wide, however many digits they have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a condition holds in exact arithmetic, None if that is not known.
+
+    `amount` is how far, in exact arithmetic, the comparison that floats judge otherwise lies from its limit;
+    None where there is none, or it is not known.
+    """
+
+    holds: bool | None
+    amount: Fraction | None = None
+
+
+def judge(node: Node, exact: ExactFacts, floats: ExactFacts) -> Verdict:
+    """Whether `node` holds in a scene, by its facts in rational numbers, and how far floats are off."""
+    for bits in _BITS:
+        judged = _Exact(exact, bits)
+        try:
+            holds = judged.truth(node)
+        except CannotJudge:
+            continue
+        if holds is not None:
+            return Verdict(holds, _amount(node, judged, floats))
+    return Verdict(None)
+
+
+def _amount(node: Node, judged: _Exact, facts: ExactFacts) -> Fraction | None:
+    """The greatest distance of a comparison that floats judge otherwise, and not for one inside it."""
+    rounding = _Floats(facts)
+    if rounding.truth(node) is judged.truth(node):
+        return None
+    wrong = {
+        place
+        for place, truth in judged.comparisons.items()
+        if truth is not None and rounding.comparisons.get(place, truth) is not truth
+    }
+    nodes = {compared for compared, _ in wrong}
+    first = [place for place in wrong if not any(inner in nodes for inner in reach(place[0].args))]
+    return max((judged.distances[place] for place in first if place in judged.distances), default=None)
+
+
+class _Evaluation(ABC, Generic[N]):
+    """Evaluates nodes over the rows of one scene; `comparisons` has what each comparison came to."""
+
+    def __init__(self, facts: ExactFacts) -> None:
+        self._facts = facts
+        self._row: dict[Node, int] = {}
+        self._done: dict[Any, Any] = {}
+        self.comparisons: dict[Place, Truth] = {}
+
+    # ---------------------------------------------------------------- arithmetic, exact or not
+
+    @abstractmethod
+    def _number(self, value: Any) -> N:
+        """A constant, or a number of the facts."""
+
+    @abstractmethod
+    def _operation(self, node: Node, args: Sequence[N]) -> N:
+        """An operation of arithmetic."""
+
+    @abstractmethod
+    def _less(self, place: Place, left: N, right: N) -> Truth:
+        """left < right."""
+
+    @abstractmethod
+    def _equal(self, place: Place, left: N, right: N) -> Truth:
+        """left = right."""
+
+    @abstractmethod
+    def _within(self, place: Place, value: N, bound: float) -> Truth:
+        """The value is no further from 0 than `bound`."""
+
+    @abstractmethod
+    def _either(self, one: N, other: N) -> N:
+        """A number that is one of two."""
+
+    # ---------------------------------------------------------------- memory
+
+    def _place(self, node: Node) -> Place:
+        loops = sorted(node.free, key=lambda loop: loop.order)
+        return node, tuple(self._row[loop] for loop in loops)
+
+    def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
+        place = (what, self._place(node))
+        if place not in self._done:
+            self._done[place] = make(node)
+        return self._done[place]
+
+    # ---------------------------------------------------------------- truth
+
+    def truth(self, node: Node) -> Truth:
+        """A node of kind bool."""
+        result: Truth = self._once("truth", node, self._truth)
+        return result
+
+    def _truth(self, node: Node) -> Truth:
+        match node.op:
+            case "const":
+                return bool(node.data)
+            case "not":
+                inner = self.truth(node.args[0])
+                return None if inner is None else not inner
+            case "and":
+                return _all(list(map(self.truth, node.args)))
+            case "or":
+                return _any(list(map(self.truth, node.args)))
+            case "any":
+                return _any([truth for truth, _ in self._visited(node)])
+            case "lt" | "eq" | "within":
+                place = self._place(node)
+                result = self.comparisons[place] = self._comparison(node, place)
+                return result
+        raise AssertionError(f"no condition: {node.op}")
+
+    def _comparison(self, node: Node, place: Place) -> Truth:
+        if node.args[0].kind == "atom":
+            return bool(self.atom(node.args[0]) == self.atom(node.args[1]))
+        values = [self.value(arg) for arg in node.args]
+        if node.op == "within":
+            return self._within(place, values[0], node.data)
+        return self._less(place, *values) if node.op == "lt" else self._equal(place, *values)
+
+    def _sure(self, node: Node) -> bool:
+        """A condition that a choice of row hangs on."""
+        truth = self.truth(node)
+        if truth is None:
+            raise CannotJudge
+        return truth
+
+    # ---------------------------------------------------------------- rows
+
+    def _visited(self, node: Node) -> list[tuple[Truth, int]]:
+        """The rows that a quantifier looks at, each with whether it counts."""
+        loop, cond = node.args[:2]
+        return self._met(self._rows(loop.args[0]), loop, cond)
+
+    def _met(self, rows: list[tuple[Truth, int]], loop: Node, cond: Node) -> list[tuple[Truth, int]]:
+        """Rows with whether they are there and meet a condition."""
+        outer = self._row.get(loop)
+        result = []
+        for there, place in rows:
+            self._row[loop] = place
+            result.append((_all([there, self.truth(cond)]), place))
+        self._leave(loop, outer)
+        return result
+
+    def _leave(self, loop: Node, outer: int | None) -> None:
+        """Put a loop back on the row that it stood at: a quantifier inside may use the same one."""
+        if outer is None:
+            self._row.pop(loop, None)
+        else:
+            self._row[loop] = outer
+
+    def _values(self, loop: Node, value: Node, places: Sequence[int]) -> list[N]:
+        """A number of each of these rows."""
+        outer = self._row.get(loop)
+        values = []
+        for place in places:
+            self._row[loop] = place
+            values.append(self.value(value))
+        self._leave(loop, outer)
+        return values
+
+    def _rows(self, rows: Node) -> list[tuple[Truth, int]]:
+        if rows.op == "where":
+            inner, loop, cond = rows.args
+            return self._met(self._rows(inner), loop, cond)
+        relation = rows.data
+        count = len(self._facts[relation.name, relation.arity])
+        return [(True, place) for place in range(int(rows.op == "others"), count)]
+
+    def index(self, node: Node) -> int:
+        """The row that an index node stands for."""
+        if node.op == "loop":
+            return self._row[node]
+        result: int = self._once("index", node, self._index)
+        return result
+
+    def _index(self, node: Node) -> int:
+        if node.op == "row":
+            return 0
+        if node.op == "select":
+            return self.index(node.args[1 if self._sure(node.args[0]) else 2])
+        visited = self._visited(node)
+        if any(truth is None for truth, _ in visited):
+            raise CannotJudge
+        places = [place for truth, place in visited if truth]
+        if not places:
+            return 0
+        return places[0] if node.op == "first" else self._best(node, places)
+
+    def _best(self, node: Node, places: Sequence[int]) -> int:
+        loop, value = node.args[0], node.args[2]
+        best = places[0]
+        for rival in places[1:]:
+            values = self._values(loop, value, (rival, best))
+            if node.op == "argmax":
+                values.reverse()
+            where = (node, (rival, best, *self._place(node)[1]))
+            beats = self.comparisons[where] = self._less(where, *values)
+            if beats is None:
+                raise CannotJudge
+            best = rival if beats else best
+        return best
+
+    # ---------------------------------------------------------------- numbers and atoms
+
+    def atom(self, node: Node) -> Atom:
+        """A node of kind atom."""
+        if node.op == "const":
+            constant: Atom = node.data
+            return constant
+        if node.op == "select":
+            return self.atom(node.args[1 if self._sure(node.args[0]) else 2])
+        found: Atom = self._cell(node)
+        return found
+
+    def _cell(self, node: Node) -> Any:
+        relation, column = node.data
+        return self._facts[relation.name, relation.arity][self.index(node.args[0])][column]
+
+    def value(self, node: Node) -> N:
+        """A number."""
+        result: N = self._once("value", node, self._value)
+        return result
+
+    def _value(self, node: Node) -> N:
+        match node.op:
+            case "const":
+                return self._number(node.data)
+            case "col":
+                return self._number(self._cell(node))
+            case "select":
+                truth = self.truth(node.args[0])
+                if truth is None:
+                    return self._either(self.value(node.args[1]), self.value(node.args[2]))
+                return self.value(node.args[1 if truth else 2])
+            case "count" | "sum" | "min_of" | "max_of":
+                return self._gathered(node)
+        return self._operation(node, [self.value(arg) for arg in node.args])
+
+    def _gathered(self, node: Node) -> N:
+        """A number that all rows together give."""
+        visited = self._visited(node)
+        if any(truth is None for truth, _ in visited):
+            raise CannotJudge
+        places = [place for truth, place in visited if truth]
+        if node.op == "count":
+            return self._number(len(places))
+        values = self._values(node.args[0], node.args[2], places)
+        if node.op == "sum":
+            return self._joined("add", [self.value(node.args[3]), *values])
+        return self._joined(node.op[:3], values) if values else self._number(0)
+
+    @abstractmethod
+    def _joined(self, op: str, values: Sequence[N]) -> N:
+        """Numbers added, or the least or greatest of them."""
+
+
+class _Exact(_Evaluation[Enclosure]):
+    """Evaluation in enclosures; `distances` are those of the two sides of comparisons."""
+
+    def __init__(self, facts: ExactFacts, bits: int) -> None:
+        super().__init__(facts)
+        self._bits = bits
+        self.distances: dict[Place, Fraction] = {}
+
+    def _number(self, value: Any) -> Enclosure:
+        # a float of the program is the decimal fraction that it prints as, as in `Algebra.number`
+        return point(Fraction(repr(value)) if isinstance(value, float) else Fraction(value))
+
+    def _operation(self, node: Node, args: Sequence[Enclosure]) -> Enclosure:
+        return operation(node.op, node.data, args, self._bits)
+
+    def _joined(self, op: str, values: Sequence[Enclosure]) -> Enclosure:
+        result = values[0]
+        for value in values[1:]:
+            result = operation(op, None, (result, value), self._bits)
+        return result
+
+    def _either(self, one: Enclosure, other: Enclosure) -> Enclosure:
+        return hull(one, other)
+
+    def _measured(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
+        """Keep how far apart two numbers are; False where one of them is none, None where it may be."""
+        if left is NO_NUMBER or right is NO_NUMBER:
+            return False
+        if left is ANY or right is ANY:
+            return None
+        self.distances[place] = max(left.high - right.low, right.high - left.low)
+        return True
+
+    def _less(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
+        measured = self._measured(place, left, right)
+        if not measured or left.high < right.low:
+            return measured
+        return False if left.low >= right.high else None
+
+    def _equal(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
+        measured = self._measured(place, left, right)
+        if not measured or left.low == left.high == right.low == right.high:
+            return measured
+        return False if left.high < right.low or right.high < left.low else None
+
+    def _within(self, place: Place, value: Enclosure, bound: float) -> Truth:
+        # a real number can be divided by anything but 0: that a quotient overflows is a matter of floats
+        limit = point(Fraction(0 if bound == SMALLEST_DIVISOR else bound))
+        size = operation("abs", None, (value,), self._bits)
+        measured = self._measured(place, size, limit)
+        if not measured or size.high <= limit.low:
+            return measured
+        return False if size.low > limit.high else None
+
+
+class _Floats(_Evaluation[Any]):
+    """Evaluation in floats, as every tier computes."""
+
+    def _number(self, value: Any) -> Any:
+        return value
+
+    def _operation(self, node: Node, args: Sequence[Any]) -> Any:
+        if node.op == "function":
+            return FUNCTIONS[node.data](*args)
+        try:
+            return OPERATIONS[node.op](*args)
+        except (ArithmeticError, ValueError):
+            return math.nan
+
+    def _joined(self, op: str, values: Sequence[Any]) -> Any:
+        result = values[0]
+        for value in values[1:]:
+            result = OPERATIONS[op](result, value)
+        return result
+
+    def _either(self, one: Any, other: Any) -> Any:
+        raise AssertionError("floats are always judged")
+
+    def _less(self, place: Place, left: Any, right: Any) -> Truth:
+        return bool(left < right)
+
+    def _equal(self, place: Place, left: Any, right: Any) -> Truth:
+        return bool(left == right)
+
+    def _within(self, place: Place, value: Any, bound: float) -> Truth:
+        return bool(abs(value) <= bound)
+
+
+def _all(truths: Sequence[Truth]) -> Truth:
+    if False in truths:
+        return False
+    return None if None in truths else True
+
+
+def _any(truths: Sequence[Truth]) -> Truth:
+    if True in truths:
+        return True
+    return None if None in truths else False

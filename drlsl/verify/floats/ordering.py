@@ -1,0 +1,106 @@
+"""What doubles decide by their order alone: rounding to nearest never turns two numbers round."""
+
+from __future__ import annotations
+
+from drlsl.lowering.ir import Node
+from drlsl.verify.floats.intervals import Values
+from drlsl.verify.floats.rounding import down, up
+
+
+class Order:
+    """Which comparisons come out the same in reals and doubles whatever was rounded before."""
+
+    def __init__(self, values: Values) -> None:
+        self._values = values
+        self._known: dict[tuple[Node, Node], bool] = {}
+        self._settled: dict[Node, bool | None] = {}
+
+    def settled(self, node: Node) -> bool | None:
+        """The truth of a condition, in doubles too, if it is always the same."""
+        if node not in self._settled:
+            self._settled[node] = self._truth(node)
+        return self._settled[node]
+
+    def _truth(self, node: Node) -> bool | None:
+        match node.op:
+            case "const":
+                return bool(node.data)
+            case "not":
+                inner = self.settled(node.args[0])
+                return None if inner is None else not inner
+            case "and" | "or":
+                parts = [self.settled(arg) for arg in node.args]
+                dominant = node.op == "or"
+                if dominant in parts:
+                    return dominant
+                return None if None in parts else not dominant
+            case "any":
+                return False if self.settled(node.args[1]) is False else None
+            case "lt":
+                if self.at_most(node.args[1], node.args[0]):
+                    return False
+                low, high = (self._ends(arg) for arg in node.args)
+                return True if low[1] < high[0] else None
+            case "within" if node.data > 1.0:
+                least, most = self._ends(node.args[0])
+                return True if max(abs(least), abs(most)) < node.data else None
+            case "within":
+                least, most = self._ends(node.args[0])
+                return False if least > node.data or most < -node.data else None
+        return None
+
+    def _ends(self, node: Node) -> tuple[float, float]:
+        """Where a double lies, whatever comparisons decided on the way."""
+        known = self._values.of(node, self._values.blind)
+        return down(known.low - known.error), up(known.high + known.error)
+
+    def at_most(self, one: Node, other: Node) -> bool:
+        """Whether the double of one node is never above that of another: rounding keeps order."""
+        if one is other:
+            return True
+        if (one, other) not in self._known:
+            self._known[one, other] = False
+            self._known[one, other] = self._at_most(one, other)
+        return self._known[one, other]
+
+    def _at_most(self, one: Node, other: Node) -> bool:
+        if one.kind == "atom" or self._ends(one)[1] <= self._ends(other)[0]:
+            return one.kind != "atom"
+        if one.op in ("max", "select"):
+            return all(self.at_most(arg, other) for arg in one.args[one.op == "select" :])
+        if other.op in ("min", "select"):
+            return all(self.at_most(one, arg) for arg in other.args[other.op == "select" :])
+        if one.op == "min" and any(self.at_most(arg, other) for arg in one.args):
+            return True
+        if other.op == "max" and any(self.at_most(one, arg) for arg in other.args):
+            return True
+        return one.op == other.op and self._termwise(one, other)
+
+    def _termwise(self, one: Node, other: Node) -> bool:
+        """The same operation, and each argument on the right side of the other's."""
+        left, right = one.args, other.args
+        match one.op:
+            case "add":
+                return any(
+                    self.at_most(left[0], a) and self.at_most(left[1], b) for a, b in (right, right[::-1])
+                )
+            case "sub":
+                return self.at_most(left[0], right[0]) and self.at_most(right[1], left[1])
+            case "neg":
+                return self.at_most(right[0], left[0])
+            case "sqrt" | "tofloat" | "floor" | "ceiling" | "truncate" | "round":
+                return self.at_most(left[0], right[0])
+            case "div":
+                return left[1] is right[1] and self._scaled(left[1], left[0], right[0])
+            case "mul":
+                return any(
+                    a is c and self._scaled(a, b, d)
+                    for a, b in (left, left[::-1])
+                    for c, d in (right, right[::-1])
+                )
+        return False
+
+    def _scaled(self, factor: Node, one: Node, other: Node) -> bool:
+        """Whether a common factor that has a sign keeps two numbers in order."""
+        low, high = self._ends(factor)
+        return (low >= 0.0 and self.at_most(one, other)) or (high <= 0.0 and self.at_most(other, one))

@@ -1,0 +1,5 @@
+"""Formulas about real numbers, and the solvers that decide them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

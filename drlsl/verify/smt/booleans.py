@@ -1,0 +1,119 @@
+"""Truth values over linear and polynomial comparisons: a graph in which equal formulas are one object.
+
+The graph is Python's own, so that a formula of ten thousand parts is built in milliseconds and most of it is
+gone before a solver sees it; `drlsl.verify.smt.solver` hands on what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Final, Literal, TypeAlias
+
+Op: TypeAlias = Literal["true", "false", "flag", "above", "atleast", "zero", "not", "and", "or"]
+
+
+class Bool:
+    """A truth value.
+
+    A `flag` is a free truth value with a name. `above`, `atleast` and `zero` say of a polynomial, in `data`,
+    that it is > 0, >= 0 or = 0. `number` tells formulas apart and orders them by their making.
+    """
+
+    __slots__ = ("args", "data", "number", "op")
+
+    def __init__(self, op: Op, args: tuple[Bool, ...], data: Any, number: int) -> None:
+        self.op = op
+        self.args = args
+        self.data = data
+        self.number = number
+
+    def __repr__(self) -> str:
+        if self.op in ("and", "or", "not"):
+            return f"{self.op}({', '.join(map(repr, self.args))})"
+        return self.op if self.data is None else f"{self.op}({self.data!r})"
+
+
+class Booleans:
+    """Makes truth values, each only once."""
+
+    def __init__(self) -> None:
+        self._made: dict[Any, Bool] = {}
+        self.true: Final = self._make("true")
+        self.false: Final = self._make("false")
+
+    def _make(self, op: Op, args: tuple[Bool, ...] = (), data: Any = None) -> Bool:
+        key = (op, data, *(arg.number for arg in args))
+        known = self._made.get(key)
+        if known is None:
+            known = self._made[key] = Bool(op, args, data, len(self._made))
+        return known
+
+    def const(self, value: bool) -> Bool:
+        """True or false."""
+        return self.true if value else self.false
+
+    def flag(self, name: str) -> Bool:
+        """A free truth value."""
+        return self._make("flag", (), name)
+
+    def comparison(self, op: Op, polynomial: Any) -> Bool:
+        """A polynomial, normalised by its maker, is `above`, `atleast` or `zero`."""
+        return self._make(op, (), polynomial)
+
+    def not_(self, one: Bool) -> Bool:
+        """Negation."""
+        if one is self.true or one is self.false:
+            return self.const(one is self.false)
+        return one.args[0] if one.op == "not" else self._make("not", (one,))
+
+    def and_(self, parts: Iterable[Bool]) -> Bool:
+        """Conjunction."""
+        return self._junction("and", parts, self.true, self.false)
+
+    def or_(self, parts: Iterable[Bool]) -> Bool:
+        """Disjunction."""
+        return self._junction("or", parts, self.false, self.true)
+
+    def _junction(self, op: Op, parts: Iterable[Bool], neutral: Bool, dominant: Bool) -> Bool:
+        kept: dict[int, Bool] = {}
+        for part in parts:
+            for one in part.args if part.op == op else (part,):
+                if one is dominant:
+                    return dominant
+                if one is not neutral:
+                    kept[one.number] = one
+        for one in kept.values():
+            if one.op == "not" and one.args[0].number in kept:
+                return dominant
+        if len(kept) < 2:
+            return next(iter(kept.values()), neutral)
+        return self._make(op, tuple(kept[number] for number in sorted(kept)))
+
+    def implies(self, condition: Bool, then: Bool) -> Bool:
+        """`then` holds wherever the condition does."""
+        return self.or_((self.not_(condition), then))
+
+    def choose(self, condition: Bool, then: Bool, els: Bool) -> Bool:
+        """`then` where the condition holds, else `els`."""
+        if condition is self.true or then is els:
+            return then
+        if condition is self.false:
+            return els
+        return self.or_((self.and_((condition, then)), self.and_((self.not_(condition), els))))
+
+
+def leaves(roots: Iterable[Bool]) -> dict[Bool, None]:
+    """The flags and comparisons that formulas are made of."""
+    found: dict[Bool, None] = {}
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        one = stack.pop()
+        if one.number in seen:
+            continue
+        seen.add(one.number)
+        if one.op in ("and", "or", "not"):
+            stack.extend(one.args)
+        elif one.op not in ("true", "false"):
+            found[one] = None
+    return found

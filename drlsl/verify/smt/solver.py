@@ -1,0 +1,303 @@
+"""The one place that speaks to z3: is there a scene in which a formula holds?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Final, Literal, Protocol, TypeAlias
+
+import z3
+
+from drlsl.verify.smt.booleans import Bool, leaves
+from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rational
+from drlsl.verify.smt.second import MOST_SECONDS, Cvc5, Judges, SolversDisagree, holds
+from drlsl.verify.smt.signature import signature
+from drlsl.verify.smt.symbolic import Model
+from drlsl.verify.smt.values import Algebra
+
+Verdict: TypeAlias = Literal["none", "some", "unknown"]
+
+_DIGITS: Final = 30
+"""Decimals to which a model's algebraic numbers are taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Whether there is such a scene: `none`, `some` with a model, or `unknown` for a reason."""
+
+    verdict: Verdict
+    model: Model | None = None
+    reason: str = ""
+
+
+class Scenes(Protocol):
+    """The scenes that formulas speak of, as a `SymbolicScene` describes them."""
+
+    algebra: Algebra
+    always: list[Bool]
+    about: dict[str, list[Bool]]
+    usual: dict[int, tuple[int, Fraction]]
+
+    def tidy(self) -> list[Bool]:
+        """What a scene had better fulfil."""
+
+
+class Solver:
+    """Asks z3 about the formulas of one symbolic scene.
+
+    A `linear` one takes products for numbers of their own. One for `few` unknowns divides their space into
+    cells where every polynomial has one sign, which always gives an answer, but takes long where they are
+    many. `settled` holds what was proved to hold nowhere. `judges` says whether cvc5 is asked too, or alone,
+    what holds nowhere; scenes are found by z3.
+    """
+
+    def __init__(
+        self,
+        scene: Scenes,
+        *,
+        linear: bool,
+        few: bool = False,
+        settled: set[bytes] | None = None,
+        judges: Judges | None = None,
+    ) -> None:
+        self._scene = scene
+        self._settled = set() if settled is None else settled
+        self._judges = judges or Judges()
+        self._second = Cvc5(scene.algebra.ring, linear=linear) if self._judges.solver != "z3" else None
+        self._linear = linear
+        self._few = few
+        self._by_luck = not linear and not few
+        self._products: dict[Monomial, Any] = {}
+        self._algebra = scene.algebra
+        self._context = z3.Context()
+        self._numbers: dict[int, Any] = {}
+        self._flags: dict[str, Any] = {}
+        self._done: dict[tuple[int, Fraction], Any] = {}
+
+    def holds_nowhere(self, truth: Bool, seconds: float) -> Outcome:
+        """Whether no scene fulfils `truth`; an answer `some` may still lie outside what scenes can be."""
+        premises = self._premises([truth])
+        question = signature([truth, *premises], self._algebra.ring)
+        if question in self._settled:
+            return Outcome("none")
+        truths = [truth, *premises]
+        if self._judges.solver == "cvc5":
+            outcome = self._by_cvc5(truths, seconds)
+        else:
+            outcome = self._by_z3(truth, premises, seconds)
+            if self._second is not None:
+                outcome = self._compared(outcome, truths, seconds)
+        if outcome.verdict == "none":
+            self._settled.add(question)
+        return outcome
+
+    def _by_z3(self, truth: Bool, premises: Mapping[Bool, None], seconds: float) -> Outcome:
+        outcome = Outcome("unknown")
+        for seed, share in _tries(seconds) if self._by_luck else [(0, seconds)]:
+            solver = self._solver(share, seed)
+            solver.add(self._term(truth))
+            self._add_all(solver, premises)
+            outcome = self._outcome(solver)
+            if outcome.verdict != "unknown":
+                break
+        return outcome
+
+    def _by_cvc5(self, truths: Sequence[Bool], seconds: float) -> Outcome:
+        assert self._second is not None
+        opinion = self._second.ask(truths, seconds).opinion
+        return Outcome(opinion, reason="timeout" if opinion == "unknown" else "")
+
+    def _compared(self, outcome: Outcome, truths: Sequence[Bool], seconds: float) -> Outcome:
+        """What both solvers say of a question; the second is asked where the first has no mere relaxation.
+
+        Raises:
+            SolversDisagree: one has a scene that the other says there is not.
+        """
+        assert self._second is not None
+        if outcome.verdict == "some" and self._linear:
+            return outcome
+        second = self._second.ask(truths, min(seconds, MOST_SECONDS))
+        if outcome.verdict == "none" and second.checked:
+            raise SolversDisagree("z3", "cvc5")
+        if second.opinion == "none" and outcome.model is not None:
+            if all(holds(truth, outcome.model.numbers, outcome.model.flags) for truth in truths):
+                raise SolversDisagree("cvc5", "z3")
+            return outcome
+        if outcome.verdict == "none" and second.opinion == "none":
+            self._judges.confirmed += 1
+        elif "none" in (outcome.verdict, second.opinion):
+            self._judges.unanswered += 1
+        return Outcome("none") if second.opinion == "none" else outcome
+
+    def find(self, truth: Bool, seconds: float, *, margin: Fraction, usual: int) -> Outcome:
+        """A scene that fulfils `truth`, each of its comparisons by a margin.
+
+        Numbers are what they usually are: with `usual` 2 all that have such a value, with 1 all but speeds;
+        and vehicles are in lanes and do not overlap.
+        """
+        solver = self._solver(seconds)
+        solver.add(self._strict(truth, positive=True, margin=margin))
+        scene = self._scene
+        premises = [*scene.always, *(one for about in scene.about.values() for one in about)]
+        premises.extend(scene.tidy() if usual else ())
+        for number, _ in enumerate(self._algebra.ring.unknowns):
+            self._number(number)
+        self._add_all(solver, dict.fromkeys([*self._premises([truth, *premises]), *premises]))
+        for number, (level, value) in scene.usual.items():
+            if level <= usual:
+                solver.add(self._number(number) == self._rational(value))
+        return self._outcome(solver)
+
+    # ---------------------------------------------------------------- asking
+
+    def _solver(self, seconds: float, seed: int = 0) -> Any:
+        if self._few:
+            solver = z3.Tactic("qfnra-nlsat", ctx=self._context).solver()
+        else:
+            solver = z3.SimpleSolver(ctx=self._context)
+            solver.set("random_seed", seed)
+        solver.set("timeout", max(1, int(seconds * 1000)))
+        return solver
+
+    def _outcome(self, solver: Any) -> Outcome:
+        answer = solver.check()
+        if answer == z3.unsat:
+            return Outcome("none")
+        if answer == z3.sat:
+            return Outcome("some", self._model(solver.model()))
+        reason = str(solver.reason_unknown())
+        if reason.startswith("interrupted"):
+            raise KeyboardInterrupt
+        return Outcome("unknown", reason=reason)
+
+    def _add_all(self, solver: Any, premises: Iterable[Bool]) -> None:
+        for premise in premises:
+            solver.add(self._term(premise))
+        ring = self._algebra.ring
+        for number, term in self._numbers.items():
+            self._add_bounds(solver, term, ring.unknowns[number].bounds)
+        for monomial, term in self._products.items():
+            self._add_bounds(solver, term, ring.interval(ring.make({monomial: 1})))
+
+    def _add_bounds(self, solver: Any, term: Any, bounds: Interval) -> None:
+        low, high = bounds
+        if low is not None:
+            solver.add(term >= self._rational(low))
+        if high is not None:
+            solver.add(term <= self._rational(high))
+
+    def _premises(self, truths: Iterable[Bool]) -> dict[Bool, None]:
+        """What holds of the flags and unknowns in formulas by their making."""
+        found: dict[Bool, None] = {}
+        open_ = list(truths)
+        while open_:
+            for leaf in leaves([open_.pop()]):
+                for premise in self._about(leaf):
+                    if premise not in found:
+                        found[premise] = None
+                        open_.append(premise)
+        return found
+
+    def _about(self, leaf: Bool) -> Iterator[Bool]:
+        yield from self._algebra.lemmas.get(leaf, ())
+        if leaf.op == "flag":
+            yield from self._scene.about.get(leaf.data, ())
+            return
+        polynomial: Polynomial = leaf.data
+        for unknown in dict.fromkeys(unknown for monomial in polynomial.terms for unknown, _ in monomial):
+            yield from self._algebra.definitions.get(unknown, ())
+
+    # ---------------------------------------------------------------- to z3 and back
+
+    def _rational(self, value: Rational) -> Any:
+        return z3.Q(value.numerator, value.denominator, ctx=self._context)
+
+    def _number(self, unknown: int) -> Any:
+        if unknown not in self._numbers:
+            name = self._algebra.ring.unknowns[unknown].name
+            self._numbers[unknown] = z3.Real(f"{name}#{unknown}", ctx=self._context)
+        return self._numbers[unknown]
+
+    def _polynomial(self, polynomial: Polynomial) -> Any:
+        terms = []
+        for monomial, factor in polynomial.terms.items():
+            powers = self._powers(monomial)
+            parts = [self._rational(factor), *powers] if factor != 1 or not powers else powers
+            terms.append(z3.Product(parts) if len(parts) > 1 else parts[0])
+        return z3.Sum(terms) if len(terms) > 1 else terms[0]
+
+    def _powers(self, monomial: Monomial) -> list[Any]:
+        """The factors of a product; where the solver is to be linear, one unknown for all of it."""
+        if self._linear and monomial and (len(monomial) > 1 or monomial[0][1] != 1):
+            if monomial not in self._products:
+                self._products[monomial] = z3.Real(f"product#{len(self._products)}", ctx=self._context)
+            return [self._products[monomial]]
+        if any(power < 0 for _, power in monomial):
+            raise AssertionError("a division that is not cleared")
+        return [self._number(unknown) for unknown, power in monomial for _ in range(power)]
+
+    def _term(self, truth: Bool) -> Any:
+        return self._strict(truth, positive=True, margin=Fraction(0))
+
+    def _strict(self, truth: Bool, *, positive: bool, margin: Fraction) -> Any:
+        """A formula, or its negation, with every comparison that it needs met by a margin."""
+        place = (truth.number if positive else -truth.number - 1, margin)
+        if place not in self._done:
+            self._done[place] = self._make(truth, positive, margin)
+        return self._done[place]
+
+    def _make(self, truth: Bool, positive: bool, margin: Fraction) -> Any:
+        if truth.op == "not":
+            return self._strict(truth.args[0], positive=not positive, margin=margin)
+        if truth.op in ("and", "or"):
+            parts = [self._strict(arg, positive=positive, margin=margin) for arg in truth.args]
+            return z3.And(parts) if (truth.op == "and") is positive else z3.Or(parts)
+        if truth.op in ("true", "false"):
+            return z3.BoolVal((truth.op == "true") is positive, ctx=self._context)
+        if truth.op == "flag":
+            if truth.data not in self._flags:
+                self._flags[truth.data] = z3.Bool(truth.data, ctx=self._context)
+            flag = self._flags[truth.data]
+            return flag if positive else z3.Not(flag)
+        return self._comparison(truth, positive, margin)
+
+    def _comparison(self, truth: Bool, positive: bool, margin: Fraction) -> Any:
+        value = self._polynomial(truth.data)
+        if truth.op == "zero":
+            if positive:
+                return value == 0
+            if margin:
+                return z3.Or(value >= self._rational(margin), value <= self._rational(-margin))
+            return value != 0
+        if margin:
+            return value >= self._rational(margin) if positive else value <= self._rational(-margin)
+        if truth.op == "above":
+            return value > 0 if positive else value <= 0
+        return value >= 0 if positive else value < 0
+
+    def _model(self, model: Any) -> Model:
+        numbers = {
+            number: _fraction(model.eval(term, model_completion=True))
+            for number, term in self._numbers.items()
+        }
+        flags = {
+            name: z3.is_true(model.eval(flag, model_completion=True)) for name, flag in self._flags.items()
+        }
+        return Model(numbers, flags)
+
+
+def _tries(seconds: float) -> Iterator[tuple[int, float]]:
+    """Seeds with seconds for each: with products in it, luck makes a proof take a second or a minute."""
+    seed = 0
+    while seconds > 0:
+        share = min(seconds, float(2 ** (seed // 3)))
+        yield seed, share
+        seed, seconds = seed + 1, seconds - share
+
+
+def _fraction(value: Any) -> Fraction:
+    """A model's number; an algebraic one is rounded."""
+    if z3.is_algebraic_value(value):
+        value = value.approx(_DIGITS)
+    return Fraction(value.numerator_as_long(), value.denominator_as_long())

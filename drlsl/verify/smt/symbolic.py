@@ -1,0 +1,371 @@
+"""A scene that is not known: every number an unknown within its range, every lane and presence open."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Final
+
+from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO, Road, Scene, Vehicle
+from drlsl.logic.terms import Atom
+from drlsl.lowering.ir import Relation
+from drlsl.traffic import Lane
+from drlsl.verify.ranges import TYPICAL, Case, Range
+from drlsl.verify.smt.booleans import Bool
+from drlsl.verify.smt.formula import Constant, Finite, Row
+from drlsl.verify.smt.polynomials import Polynomial
+from drlsl.verify.smt.values import Algebra, Value
+
+FOCUS: Final = Relation("focus", ("atom",), single=True, fields=("id",))
+"""One of the vehicles, any: what `focus/1` names in properties."""
+
+NOBODY: Final = "none"
+"""What `focus/1` names where no vehicle is in focus."""
+
+_HALF: Final = Fraction(1, 2)
+
+
+@dataclass(slots=True)
+class Box:
+    """The unknowns of one vehicle; `dx` [m] counts from the ego."""
+
+    name: str
+    id: Finite
+    present: Bool
+    dx: Polynomial
+    y: Polynomial
+    vx: Polynomial
+    vy: Polynomial
+    length: Polynomial
+    width: Polynomial
+    lane: Finite
+
+
+@dataclass(slots=True)
+class Model:
+    """What a solver found: numbers by unknown, truth by flag; what it left out is None."""
+
+    numbers: Mapping[int, Fraction]
+    flags: Mapping[str, bool]
+
+
+class SymbolicScene:
+    """The scenes of one case with up to so many vehicles besides the ego.
+
+    `facts` are the rows of all relations. `always` is what every scene fulfils; `about` the part of it that
+    speaks of a flag, by the flag's name. `usual` gives unknowns the value that a
+    counterexample should have, with 1, or 2 for a speed. `unknowns` name facts of one number each that a
+    property speaks of besides the scene. Each vehicle may have one of `names`, or else one of its own.
+    """
+
+    def __init__(
+        self,
+        algebra: Algebra,
+        case: Case,
+        ranges: Mapping[str, Range],
+        vehicles: int,
+        unknowns: Sequence[str] = (),
+        names: Iterable[Atom] = (),
+    ) -> None:
+        self.algebra = algebra
+        self.case = case
+        self.ranges = ranges
+        self.vehicles = vehicles
+        self.unknowns = unknowns
+        self.names = sorted(names, key=lambda atom: atom.name)
+        self.facts: dict[tuple[str, int], list[Row]] = {}
+        self.always: list[Bool] = []
+        self.about: dict[str, list[Bool]] = {}
+        self.usual: dict[int, tuple[int, Fraction]] = {}
+        self._numbers: dict[str, Polynomial] = {}
+        self._lanes()
+        self._ego = self._ego_box()
+        own = (f"v{number}" for number in itertools.count(1) if Atom(f"v{number}") not in self.names)
+        self._boxes = [self._vehicle_box(name) for name in itertools.islice(own, self.vehicles)]
+        self._name_boxes()
+        self._order()
+        self._facts()
+
+    # ---------------------------------------------------------------- unknowns
+
+    def _unknown(self, kind: str, name: str, bounds: Range | None = None) -> Polynomial:
+        """A number of that kind, within its range."""
+        low, high = bounds or self.ranges[kind]
+        ring = self.algebra.ring
+        made = ring.const(low) if low == high else ring.unknown(name, low, high)
+        value = TYPICAL.get(kind)
+        if low != high and value is not None:
+            level = 2 if kind in ("ego_speed", "speed") else 1
+            self.usual[len(ring.unknowns) - 1] = (level, min(high, max(low, value)))
+        self._numbers[name] = made
+        return made
+
+    def _lanes(self) -> None:
+        """Lanes that touch, counted from the ego's to both sides."""
+        ring, case = self.algebra.ring, self.case
+        numbers = range(1, case.lanes + 1)
+        widths = {lane: self._unknown("lane_width", f"width_of_lane_{lane}") for lane in _outward(case)}
+        offsets = {case.ego_lane: self.algebra.zero}
+        for lane in _outward(case)[1:]:
+            inner = lane + (1 if lane < case.ego_lane else -1)
+            step = ring.scale(ring.add(widths[lane], widths[inner]), _HALF)
+            if case.direction(lane) is not case.direction(inner):
+                step = ring.add(step, self._unknown("median", "median"))
+            away = Fraction(-1 if lane < case.ego_lane else 1)
+            offsets[lane] = ring.add(offsets[inner], ring.scale(step, away))
+        middle = self._unknown("road_position", "y_of_ego_lane")
+        self.widths = [widths[lane] for lane in numbers]
+        self.centres = [ring.add(middle, offsets[lane]) for lane in numbers]
+        limits = {lane: self._unknown("speed_limit", f"limit_of_lane_{lane}") for lane in _outward(case)}
+        self.limits = [limits[lane] for lane in numbers]
+
+    def _finite_lane(self, name: str, lanes: Sequence[int]) -> Finite:
+        """One of several lanes."""
+        booleans = self.algebra.booleans
+        if len(lanes) == 1:
+            return {lanes[0]: booleans.true}
+        flags: Finite = {lane: booleans.flag(f"{name}_{lane}") for lane in lanes}
+        some = booleans.or_(flags.values())
+        pairs = [(one, other) for one in lanes for other in lanes if one < other]
+        exclusive = [booleans.not_(booleans.and_((flags[one], flags[other]))) for one, other in pairs]
+        self._require([some, *exclusive], flags.values())
+        return flags
+
+    def _require(self, truths: Sequence[Bool], flags: Iterable[Bool] = ()) -> None:
+        self.always.extend(truths)
+        for flag in flags:
+            self.about.setdefault(flag.data, []).extend(truths)
+
+    def _ego_box(self) -> Box:
+        algebra, ring = self.algebra, self.algebra.ring
+        lane = self.case.ego_lane
+        half = self.ranges["lane_width"][1] / 2
+        aside = self._unknown("aside", "ego_aside", (-half, half))
+        width = self.widths[lane - 1]
+        for turned in (aside, ring.scale(aside, Fraction(-1))):
+            self.always.append(algebra.at_least(ring.scale(width, _HALF), turned))
+        return Box(
+            name=EGO,
+            id={Atom(EGO): algebra.booleans.true},
+            present=algebra.booleans.true,
+            dx=algebra.zero,
+            y=ring.add(self.centres[lane - 1], self._forward(aside)),
+            vx=self._forward(self._unknown("ego_speed", "ego_speed")),
+            vy=self._forward(self._unknown("lateral_speed", "ego_sideways")),
+            length=self._unknown("length", "ego_length"),
+            width=self._unknown("width", "ego_width"),
+            lane={lane: algebra.booleans.true},
+        )
+
+    def _vehicle_box(self, name: str) -> Box:
+        ring = self.algebra.ring
+        reach = self.ranges["radar_range"][1]
+        aside = reach + self.ranges["lane_width"][1]
+        box = Box(
+            name=name,
+            id={},
+            present=self.algebra.booleans.flag(f"{name}_present"),
+            dx=self._forward(self._unknown("ahead", f"{name}_ahead", (-reach, reach))),
+            y=ring.add(
+                self.centres[self.case.ego_lane - 1],
+                self._forward(self._unknown("to_the_right", f"{name}_to_the_right", (-aside, aside))),
+            ),
+            vx=self._forward(self._unknown("speed", f"{name}_speed")),
+            vy=self._forward(self._unknown("lateral_speed", f"{name}_sideways")),
+            length=self._unknown("length", f"{name}_length"),
+            width=self._unknown("width", f"{name}_width"),
+            lane={},
+        )
+        box.lane = self._finite_lane(f"{name}_lane", range(self.case.lanes + 1))
+        self._in_its_lane(box)
+        return box
+
+    def _forward(self, polynomial: Polynomial) -> Polynomial:
+        """What counts forward or to the right of a driver in the ego's lane, in coordinates of the road."""
+        return self.algebra.ring.scale(polynomial, Fraction(self.case.direction(self.case.ego_lane).sign))
+
+    def _in_its_lane(self, box: Box) -> None:
+        """A vehicle's lane is the one that holds its centre; 0 is none."""
+        algebra, ring = self.algebra, self.algebra.ring
+        booleans = algebra.booleans
+        outside = []
+        for lane, (centre, width) in enumerate(zip(self.centres, self.widths, strict=True), start=1):
+            half = ring.scale(width, _HALF)
+            low, high = ring.subtract(centre, half), ring.add(centre, half)
+            inside = booleans.and_((algebra.at_least(box.y, low), algebra.at_least(high, box.y)))
+            flag = box.lane[lane]
+            self._require([booleans.implies(flag, inside)], [flag])
+            outside.append(booleans.not_(inside))
+        flag = box.lane[0]
+        self._require([booleans.implies(flag, booleans.and_(outside))], [flag])
+
+    def _name_boxes(self) -> None:
+        """A vehicle has at most one of the names, and no two have the same."""
+        booleans = self.algebra.booleans
+        flags = {
+            (box.name, atom): booleans.flag(f"{box.name}_is_{atom.name}")
+            for box in self._boxes
+            for atom in self.names
+        }
+        for (own, atom), flag in flags.items():
+            others = [beside for (one, other), beside in flags.items() if (one == own) is not (other == atom)]
+            self._require([booleans.not_(booleans.and_((flag, other))) for other in others], [flag])
+        for box in self._boxes:
+            named: Finite = {atom: flags[box.name, atom] for atom in self.names}
+            box.id = {Atom(box.name): booleans.not_(booleans.or_(named.values())), **named}
+
+    def _order(self) -> None:
+        """Vehicles that are there come first, and they are in radar range."""
+        algebra, ring, booleans = self.algebra, self.algebra.ring, self.algebra.booleans
+        radar = self._unknown("radar_range", "radar_range")
+        for before, box in zip([None, *self._boxes], self._boxes, strict=False):
+            if before is not None:
+                self._require([booleans.implies(box.present, before.present)], [box.present])
+            dy = ring.subtract(self._ego.y, box.y)
+            distance = ring.add(ring.multiply(box.dx, box.dx), ring.multiply(dy, dy))
+            near = algebra.at_least(ring.multiply(radar, radar), distance)
+            self.always.append(near)
+            # one that is not there may stand anywhere, so all may be taken to be in range
+            algebra.assume(near)
+
+    # ---------------------------------------------------------------- facts
+
+    def _facts(self) -> None:
+        algebra, booleans = self.algebra, self.algebra.booleans
+        true = booleans.true
+        lanes = range(1, self.case.lanes + 1)
+        x = self._unknown("position", "ego_x")
+        target: Finite = {self.case.target_lane: true}
+        focus = self._focus()
+
+        def number(name: str, value: Polynomial) -> None:
+            self.facts[name, 1] = [Row(true, (value,))]
+
+        self.facts["vehicle", 8] = [self._row(box, x) for box in (self._ego, *self._boxes)]
+        self.facts["road_lane", 5] = [
+            Row(
+                true,
+                (
+                    {lane: true},
+                    {Atom(self.case.direction(lane).value): true},
+                    self.centres[lane - 1],
+                    self.widths[lane - 1],
+                    self.limits[lane - 1],
+                ),
+            )
+            for lane in lanes
+        ]
+        self.facts["target_lane", 1] = [Row(true, (target,))]
+        self.facts["focus", 1] = [Row(true, (focus,))]
+        number("time_step", self._unknown("time_step", "time_step"))
+        number("radar_range", self._numbers["radar_range"])
+        number("acceleration_limit", algebra.number(ACCELERATION_LIMIT))
+        number("braking_limit", algebra.number(BRAKING_LIMIT))
+        number("centre_tolerance", algebra.number(CENTRE_TOLERANCE))
+        for name in self.unknowns:
+            number(name, self._unknown(name, name))
+        self._focused = focus
+
+    def _row(self, box: Box, x: Polynomial) -> Row:
+        ring = self.algebra.ring
+        place = ring.add(x, box.dx)
+        return Row(box.present, (box.id, box.lane, place, box.y, box.vx, box.vy, box.length, box.width))
+
+    def _focus(self) -> Finite:
+        """The name of one vehicle that is there, or `none`."""
+        booleans = self.algebra.booleans
+        flags = [booleans.flag(f"focus_{box.name}") for box in self._boxes]
+        pairs = [(one, other) for one in flags for other in flags if one.number < other.number]
+        exclusive = [booleans.not_(booleans.and_(pair)) for pair in pairs]
+        there = [booleans.implies(flag, box.present) for flag, box in zip(flags, self._boxes, strict=True)]
+        self._require([*exclusive, *there], flags)
+        parts: dict[Constant, list[Bool]] = {Atom(NOBODY): [booleans.not_(booleans.or_(flags))]}
+        for flag, box in zip(flags, self._boxes, strict=True):
+            for constant, own in box.id.items():
+                parts.setdefault(constant, []).append(booleans.and_((flag, own)))
+        return {constant: booleans.or_(conds) for constant, conds in parts.items()}
+
+    def tidy(self) -> list[Bool]:
+        """Vehicles are in a lane and do not overlap: a counterexample had better be like that."""
+        algebra, ring, booleans = self.algebra, self.algebra.ring, self.algebra.booleans
+        boxes = [self._ego, *self._boxes]
+        result = []
+        for number, one in enumerate(boxes):
+            for other in boxes[number + 1 :]:
+                along = ring.scale(ring.add(one.length, other.length), _HALF)
+                across = ring.scale(ring.add(one.width, other.width), _HALF)
+                dx, dy = ring.subtract(one.dx, other.dx), ring.subtract(one.y, other.y)
+                clear = [
+                    algebra.at_least(difference, room)
+                    for distance, room in ((dx, along), (dy, across))
+                    for difference in (distance, ring.scale(distance, Fraction(-1)))
+                ]
+                both = booleans.and_((one.present, other.present))
+                result.append(booleans.implies(both, booleans.or_(clear)))
+        return [*result, *(booleans.not_(box.lane[0]) for box in self._boxes)]
+
+    # ---------------------------------------------------------------- from a model to a scene
+
+    def scene(self, model: Model) -> tuple[Scene, str]:
+        """The scene that a model describes, and the name of the vehicle in focus, or `NOBODY`."""
+
+        def number(value: Value | Finite) -> float:
+            assert isinstance(value, Polynomial)
+            return float(evaluate(value, model.numbers))
+
+        def holds(truth: Bool) -> bool:
+            if truth.op == "not":
+                return not holds(truth.args[0])
+            if truth.op in ("and", "or"):
+                return (all if truth.op == "and" else any)(map(holds, truth.args))
+            return truth.op == "true" or model.flags.get(truth.data, False)
+
+        def chosen(value: Value | Finite) -> str | int:
+            assert isinstance(value, dict)
+            found = next(constant for constant, flag in value.items() if holds(flag))
+            return found.name if isinstance(found, Atom) else found
+
+        def vehicle(row: Row) -> Vehicle:
+            name, lane, *numbers = row.columns
+            return Vehicle(str(chosen(name)), int(chosen(lane)), *map(number, numbers))
+
+        lanes = tuple(
+            Lane(lane, self.case.direction(lane), number(centre), number(width), number(limit))
+            for lane, (centre, width, limit) in enumerate(
+                zip(self.centres, self.widths, self.limits, strict=True), start=1
+            )
+        )
+        road = Road(
+            lanes=lanes,
+            time_step=number(self._numbers["time_step"]),
+            radar_range=number(self._numbers["radar_range"]),
+            acceleration_limit=ACCELERATION_LIMIT,
+            braking_limit=BRAKING_LIMIT,
+            centre_tolerance=CENTRE_TOLERANCE,
+        )
+        ego, *others = [vehicle(row) for row in self.facts["vehicle", 8] if holds(row.present)]
+        scene = Scene(road=road, ego=ego, vehicles=tuple(others), target_lane=self.case.target_lane)
+        return scene, str(chosen(self._focused))
+
+    def unknown_values(self, model: Model) -> dict[str, float]:
+        """What a model has for the numbers that the property speaks of besides the scene."""
+        return {name: float(evaluate(self._numbers[name], model.numbers)) for name in self.unknowns}
+
+
+def _outward(case: Case) -> list[int]:
+    """The lanes from the ego's on: those to the driver's right by their distance, then those to the left."""
+    up, down = list(range(case.ego_lane - 1, 0, -1)), list(range(case.ego_lane + 1, case.lanes + 1))
+    right, left = (down, up) if case.direction(case.ego_lane).sign > 0 else (up, down)
+    return [case.ego_lane, *right, *left]
+
+
+def evaluate(polynomial: Polynomial, numbers: Mapping[int, Fraction]) -> Fraction:
+    """The value of a polynomial for these values of its unknowns."""
+    total = Fraction(0)
+    for monomial, factor in polynomial.terms.items():
+        for unknown, power in monomial:
+            factor *= numbers[unknown] ** power
+        total += factor
+    return total
