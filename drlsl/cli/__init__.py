@@ -6,7 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -14,6 +14,7 @@ from drlsl.cli import bench, data, evaluate, query, rules, stress, study, train
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 from drlsl.plain_text import printable
+from drlsl.version import __version__
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them is slow
 
@@ -22,12 +23,29 @@ CLICK_ERROR: Any = typer.BadParameter.__mro__[2]
 
 app = typer.Typer(
     name="drlsl",
-    help="Safe reinforcement learning for highway driving, shielded by readable Prolog rules.",
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"drlsl {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool,
+        typer.Option("--version", is_eager=True, callback=_print_version, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    """Safe reinforcement learning for highway driving, shielded by readable Prolog rules."""
+
+
 app.command()(train.train)
 app.command()(study.study)
 app.command("eval")(evaluate.evaluate)
@@ -51,10 +69,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         status = command.main(args=arguments, prog_name="drlsl", standalone_mode=False)
     except CLICK_ERROR as error:
-        context = getattr(error, "ctx", None)
-        return _refuse(
-            f"{error.format_message()} See '{context.command_path if context else 'drlsl'} --help'."
-        )
+        return _explain(error.format_message(), getattr(error, "ctx", None))
     except UserError as error:
         return _refuse(str(error))
     except PrologError as error:
@@ -62,6 +77,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return 130
     return status if isinstance(status, int) else 0
+
+
+def _explain(message: str, context: typer.Context | None) -> int:
+    if context is None:
+        return _refuse(f"{message} See 'drlsl --help'.")
+    if message == context.get_help():  # nothing was asked: the help is all there is to say
+        print(message, file=sys.stderr)
+        return 2
+    return _refuse(f"{message} See '{context.command_path} --help'.")
 
 
 def _refuse(message: str) -> int:

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -25,6 +25,7 @@ from drlsl.study.computer import processors
 from drlsl.study.folder import StudyFolder, digest
 from drlsl.study.plan import Run, StudyConfig, Task
 from drlsl.traffic import find_source
+from drlsl.version import __version__
 
 Stop = Callable[[], bool]
 Perform = Callable[[Path, Task, Stop], None]
@@ -35,8 +36,8 @@ SHIELDS: tuple[ShieldState, ...] = ("off", "on")
 ORPHAN_S = 60.0
 """How long to wait for a process that was at work on the same task when its study was killed."""
 
-PACKAGES = ("drlsl", "torch", "numpy", "gymnasium", "pandas")
-"""Those whose versions can change a result."""
+PACKAGES = ("torch", "numpy", "gymnasium", "pandas")
+"""Those whose versions can change a result, as DRLSL's own can."""
 
 
 def perform(root: Path, task: Task, stop: Stop) -> None:
@@ -147,4 +148,4 @@ def _maker() -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that can change a result."""
-    return {name: version(name) for name in PACKAGES}
+    return {"drlsl": __version__, **{name: metadata.version(name) for name in PACKAGES}}

@@ -1,0 +1,40 @@
+"""`drlsl` itself: its version, and what it says where no command is given."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+import drlsl
+from drlsl.cli import run
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_version_is_one_everywhere(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"drlsl {drlsl.__version__}\n"
+    assert metadata.version("drlsl") == drlsl.__version__
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## \[(\d.*)\] - ", changes, re.M)[0] == drlsl.__version__
+
+
+def test_the_version_loads_nothing_but_itself() -> None:
+    code = "import drlsl, sys; drlsl.__version__; print(*sorted(n for n in sys.modules if 'drlsl' in n))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["drlsl", "drlsl.moved", "drlsl.registration", "drlsl.version"]
+
+
+@pytest.mark.parametrize("group", [[], ["data"], ["rules"], ["bench"]], ids=" ".join)
+def test_no_command_shows_the_help(group: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(group) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    lines = printed.err.splitlines()
+    assert lines[0] == f"Usage: {' '.join(['drlsl', *group])} [OPTIONS] COMMAND [ARGS]..."
+    assert "Commands:" in lines
