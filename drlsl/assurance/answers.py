@@ -12,7 +12,6 @@ from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
 from drlsl.logic import Query as Goal
 from drlsl.logic.core import Clause
-from drlsl.logic.syntax import read_term
 from drlsl.logic.terms import Atom, Struct, Term
 from drlsl.lowering.backends import Scalar, compile_scalar
 from drlsl.lowering.frontend import Query, lower
@@ -71,11 +70,10 @@ class Generated:
         """
         if question in self._programs:
             return
-        read = read_term(question.goal, self._engine.operators, self._engine.flags, "goal")
+        read = self._engine.read_goal(question.goal)
         shown = {name: variable for name, variable in read.variables.items() if not name.startswith("_")}
         head: Term = Struct(_GOAL, tuple(shown.values())) if shown else Atom(_GOAL)
-        predicate = self._engine.program.get(_GOAL, len(shown))
-        predicate.replace([Clause(head, read.term)])
+        self._engine.define(_GOAL, len(shown), [Clause(head, read.term)])
         mode = question.mode if shown else "holds"
         program = compile_scalar(lower(self._engine, SCHEMA, [Query(_GOAL, len(shown), mode)]))
         self._programs[question] = program, tuple(shown)

@@ -8,7 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final
 
-from drlsl.logic.core import BUILTIN_ARGUMENTS, Clause, Program
+from drlsl.logic import Engine
+from drlsl.logic.core import BUILTIN_ARGUMENTS, Clause
 from drlsl.logic.syntax import (
     FRACTION,
     INTEGER,
@@ -167,17 +168,15 @@ class ClauseText:
 _WORD_OPERATORS: Final = frozenset({name for name in Operators().infix if name.isalpha()})
 
 
-def clause_texts(program: Program, files: Sequence[Path] = ()) -> list[ClauseText]:
+def clause_texts(engine: Engine, files: Sequence[Path] = ()) -> list[ClauseText]:
     """The clauses of a program that were read from a text, in the order of files and lines.
 
     Given the files that were consulted, only theirs and of what they include: not of what they are on top of.
     """
     wanted = set(map(str, files))
     found = []
-    for predicate in program.predicates.values():
-        if predicate.rows is not None:
-            continue
-        for number, clause in enumerate(predicate.clauses, 1):
+    for key in engine.predicates():
+        for number, clause in enumerate(engine.clauses(*key), 1):
             if isinstance(clause.origin, ReadTerm) and (clause.source in wanted or not wanted):
                 found.append(_with_text(clause, number, clause.origin))
     names = list(dict.fromkeys(each.source.name for each in found))

@@ -67,12 +67,12 @@ class Instrumented:
     """An engine whose program notes what is reached; the program is changed in place."""
 
     def __init__(self, engine: Engine) -> None:
+        self._engine = engine
         self._globals = engine.globals
-        self._tables = engine.program.tables
         self.points: list[Point] = []
         self.sources: list[str | None] = []
         self._entries: list[ClauseText] = []
-        for text in clause_texts(engine.program):
+        for text in clause_texts(engine):
             predicate = text.clause.predicate
             clauses = list(predicate.clauses)
             clauses[text.number - 1] = self._instrumented(text)
@@ -82,7 +82,7 @@ class Instrumented:
         """Forget what was reached."""
         for key in [key for key in self._globals if key.startswith(_POINT)]:
             del self._globals[key]
-        self._tables.clear()  # so that the clauses of tabled predicates are run again
+        self._engine.forget_answers()  # so that the clauses of tabled predicates are run again
 
     def reached(self) -> set[int]:
         """The indexes of the points that were reached since `begin`."""

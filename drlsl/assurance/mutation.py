@@ -111,7 +111,7 @@ class MutantTester:
         self._traces: Traces = measure(Shield.from_files(rules), cases)[1]
         self._reach = _Reach(self._engine)
         self._interpreter = Interpreter(self._shield, LIMITS)
-        self.clauses: Final = clause_texts(self._engine.program, rules)
+        self.clauses: Final = clause_texts(self._engine, rules)
         self.mutants: Final = mutants_of(self.clauses)
         self._lucky: list[Key] = []
 
@@ -252,17 +252,16 @@ class _Reach:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._names: dict[str, set[str]] = {}
-        for predicate in engine.program.predicates.values():
-            if predicate.rows is None:
-                names = self._names.setdefault(predicate.name, set())
-                names.update(name for clause in predicate.clauses for name in _names(clause.body))
+        for name, arity in engine.predicates():
+            names = self._names.setdefault(name, set())
+            names.update(each for clause in engine.clauses(name, arity) for each in _names(clause.body))
         self._known: dict[Question, frozenset[str]] = {}
 
     def reaches(self, question: Question, name: str) -> bool:
         """Whether asking the question may call a predicate of that name."""
         known = self._known.get(question)
         if known is None:
-            goal = read_term(question.goal, self._engine.operators, self._engine.flags, "goal").term
+            goal = self._engine.read_goal(question.goal).term
             known = self._known[question] = self._closure(set(_names(goal)))
         return name in known
 

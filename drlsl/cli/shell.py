@@ -224,7 +224,7 @@ def _line_editing(engine: Engine) -> Iterator[None]:
 
 def _completer(engine: Engine) -> Callable[[str, int], str | None]:
     def complete(text: str, index: int) -> str | None:
-        known = {*engine.program.predicates, *builtin_indicators()}
+        known = {*engine.predicates(), *builtin_indicators()}
         names = sorted({name for name, _ in known if name.startswith(text) and name.isidentifier()})
         return names[index] if index < len(names) else None
 

@@ -20,6 +20,7 @@ from drlsl.logic.core import (
     FAIL,
     FOUND,
     Clause,
+    Indicator,
     Machine,
     Predicate,
     Program,
@@ -33,7 +34,7 @@ from drlsl.logic.errors import ExistenceError, existence_error
 from drlsl.logic.explain import MAX_DEPTH, Explanation, explain
 from drlsl.logic.limits import LimitExceeded, Limits, Meter
 from drlsl.logic.loading import Linker, Loader, LoadWarning, library, read_source
-from drlsl.logic.syntax import Flags, read_term
+from drlsl.logic.syntax import Flags, ReadTerm, read_term
 from drlsl.logic.terms import Atom, Operators, Struct, Term, Var, deref, format_term
 
 if TYPE_CHECKING:
@@ -325,6 +326,33 @@ class Engine:
         """Whether the program has clauses for a predicate, or declares it dynamic."""
         predicate = self.program.predicates.get((name, arity))
         return predicate is not None and predicate.defined
+
+    def predicates(self) -> list[Indicator]:
+        """Return name and arity of every predicate that the program defines, in the order of definition."""
+        return [key for key, predicate in self.program.predicates.items() if predicate.defined]
+
+    def clauses(self, name: str, arity: int) -> list[Clause]:
+        """Return the clauses of a predicate of the program, facts among them; none if it is not defined."""
+        predicate = self.program.find(name, arity)
+        return [] if predicate is None else predicate.listed()
+
+    def define(self, name: str, arity: int, clauses: Sequence[Clause]) -> None:
+        """Have a predicate consist of these clauses, in place of those that it has."""
+        with self.alone:
+            self.program.get(name, arity).replace(list(clauses))
+
+    def forget_answers(self) -> None:
+        """Have tabled predicates work out their answers anew."""
+        with self.alone:
+            self.program.tables.clear()
+
+    def read_goal(self, text: str) -> ReadTerm:
+        """Read a goal with the operators and flags of the program, without asking it.
+
+        Raises:
+            PrologSyntaxError: The text is not a goal.
+        """
+        return read_term(text, self.operators, self.flags, "goal")
 
     def prepare(self, goal: Goal) -> Query:
         """A goal read once, to be asked many times.

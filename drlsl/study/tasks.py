@@ -130,8 +130,8 @@ def _network_digests(config: NetworkConfig) -> dict[str, str]:
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:
     """By the name of each file that the rule program's clauses came from."""
-    program = Shield.from_files(env.rules).engine.program
-    clauses = (clause for predicate in program.predicates.values() for clause in predicate.clauses)
+    engine = Shield.from_files(env.rules).engine
+    clauses = (clause for key in engine.predicates() for clause in engine.clauses(*key))
     files = {Path(clause.span.name) for clause in clauses if clause.span is not None}
     return {f"rules/{path.name}": digest([path]) for path in sorted(files)}
 

@@ -155,16 +155,14 @@ class Replay:
 
     def _called(self) -> set[tuple[str, int]]:
         """The predicates that the property depends on, however indirectly."""
-        program = self._engine.program
         seen: set[tuple[str, int]] = set()
         open_ = [(self._property.query.name, 0)]
         while open_:
             key = open_.pop()
-            predicate = program.find(*key)
-            if key in seen or predicate is None:
+            if key in seen or not self._engine.defines(*key):
                 continue
             seen.add(key)
-            for clause in predicate.clauses if predicate.rows is None else ():
+            for clause in self._engine.clauses(*key):
                 if key == ("violates", 1) and getattr(clause.args[0], "name", None) != self._property.name:
                     continue
                 open_.extend(calls(clause.body))

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 
 from drlsl.errors import UserError
 from drlsl.logic import Engine
-from drlsl.logic.core import GOAL_ARGUMENTS, Clause, Program
+from drlsl.logic.core import GOAL_ARGUMENTS, Clause
 from drlsl.logic.loading import library
 from drlsl.logic.terms import Atom, Struct, Term, deref
 
@@ -83,18 +83,17 @@ def expand(engine: Engine) -> None:
         if not isinstance(name, Atom):
             raise UserError("in/2 needs the name of an image as its first argument")
         if name.name not in images:
-            images[name.name] = _Copies(engine.program, name.name)
-        _refuse_given_goals(engine.program, goal.args[1], name.name)
+            images[name.name] = _Copies(engine, name.name)
+        _refuse_given_goals(engine, goal.args[1], name.name)
         return rewritten(goal.args[1], images[name.name].change)
 
-    for predicate in list(engine.program.predicates.values()):
-        if predicate.rows is None and any(IN in _shallow(clause.body) for clause in predicate.clauses):
-            predicate.replace(
-                [_with_body(clause, rewritten(clause.body, change)) for clause in predicate.clauses]
-            )
+    for key in engine.predicates():
+        clauses = engine.clauses(*key)
+        if any(IN in _shallow(clause.body) for clause in clauses):
+            engine.define(*key, [_with_body(clause, rewritten(clause.body, change)) for clause in clauses])
 
 
-def _refuse_given_goals(program: Program, asked: Term, image: str) -> None:
+def _refuse_given_goals(engine: Engine, asked: Term, image: str) -> None:
     """Refuse an image of what calls a goal that it is given, as maplist/2 does: the goal would be asked here.
 
     Raises:
@@ -107,23 +106,22 @@ def _refuse_given_goals(program: Program, asked: Term, image: str) -> None:
         if key in seen:
             continue
         seen.add(key)
-        bodies = _bodies(program, key)
+        bodies = _bodies(engine, key)
         if key in _GIVEN_GOALS or any(map(_calls_unknown, bodies)):
             what = f"{called_as[0]}/{called_as[1]} calls a goal that it is given"
             raise UserError(
                 f"{what}, which in({image}, ...) cannot ask there; write that goal itself instead"
             )
         # what the library calls inside is known to readers by the name that they call
-        inside = key in library().exports and program.find(*key) is None
+        inside = key in library().exports and not engine.defines(*key)
         for body in bodies:
             open_.extend((called, called_as if inside else called) for called in calls(body))
 
 
-def _bodies(program: Program, key: Indicator) -> list[Term]:
+def _bodies(engine: Engine, key: Indicator) -> list[Term]:
     """The bodies of a predicate of the program, or else of the library."""
-    places = (program.find(*key), library().find(*key), library().program.find(*key))
-    predicate = next((one for one in places if one is not None and one.defined), None)
-    return [] if predicate is None or predicate.rows is not None else [one.body for one in predicate.clauses]
+    clauses = engine.clauses(*key) if engine.defines(*key) else library().clauses(*key)
+    return [one.body for one in clauses]
 
 
 _GIVEN_GOALS: Final = frozenset({("phrase", 2), ("phrase", 3), ("with_output_to", 2)})
@@ -161,18 +159,17 @@ def _with_body(clause: Clause, body: Term) -> Clause:
 class _Copies:
     """The predicates of a program as they are in one image."""
 
-    def __init__(self, program: Program, image: str) -> None:
-        self._program = program
+    def __init__(self, engine: Engine, image: str) -> None:
+        self._engine = engine
         self._image = image
         self._facts = self._declared()
-        self._affected = affected(program, self._facts)
+        self._affected = affected(engine, self._facts)
         self._made: set[Indicator] = set()
 
     def _declared(self) -> dict[Indicator, list[tuple[Term, Term]]]:
         """The facts of the image: heads with their bodies."""
         facts: dict[Indicator, list[tuple[Term, Term]]] = {}
-        predicate = self._program.find("image", 3)
-        for clause in predicate.clauses if predicate is not None else ():
+        for clause in self._engine.clauses("image", 3):
             name, fact, goal = map(deref, clause.args)
             key = indicator(fact)
             if isinstance(name, Atom) and name.name == self._image and key is not None:
@@ -206,17 +203,16 @@ class _Copies:
         if key in self._made:
             return
         self._made.add(key)
-        copy = self._program.get(f"{self._image}:{key[0]}", key[1])
+        name = f"{self._image}:{key[0]}"
         if key in self._facts:
-            copy.replace([Clause(self._renamed(fact), goal) for fact, goal in self._facts[key]])
+            given = [Clause(self._renamed(fact), goal) for fact, goal in self._facts[key]]
+            self._engine.define(name, key[1], given)
             return
-        original = self._program.find(*key)
-        assert original is not None
         copies = []
-        for clause in original.clauses:
+        for clause in self._engine.clauses(*key):
             body = rewritten(clause.body, self.change)
             copies.append(Clause(self._renamed(clause.head), body, clause.span, clause.names, clause.source))
-        copy.replace(copies)
+        self._engine.define(name, key[1], copies)
 
 
 def _applied(goal: Struct, image: str) -> Term:
@@ -229,11 +225,11 @@ def _applied(goal: Struct, image: str) -> Term:
     raise UserError(f"a goal that is not known before the rules run cannot be asked in {image}")
 
 
-def affected(program: Program, facts: Iterable[Indicator]) -> set[Indicator]:
+def affected(engine: Engine, facts: Iterable[Indicator]) -> set[Indicator]:
     """The predicates that call one of `facts`, however indirectly, and those themselves."""
     callers: dict[Indicator, set[Indicator]] = {}
-    for key, predicate in program.predicates.items():
-        for clause in predicate.clauses if predicate.rows is None else ():
+    for key in engine.predicates():
+        for clause in engine.clauses(*key):
             for called in calls(clause.body):
                 callers.setdefault(called, set()).add(key)
     found: set[Indicator] = set()
@@ -247,7 +243,7 @@ def affected(program: Program, facts: Iterable[Indicator]) -> set[Indicator]:
 
 
 def undefined_calls(
-    program: Program, start: Iterable[Term], is_known: Callable[[str, int], bool]
+    engine: Engine, start: Iterable[Term], is_known: Callable[[str, int], bool]
 ) -> list[Indicator]:
     """Predicates that goals call, however indirectly, and that neither the program nor `is_known` has."""
     missing: dict[Indicator, None] = {}
@@ -258,10 +254,8 @@ def undefined_calls(
         if key in seen:
             continue
         seen.add(key)
-        predicate = program.find(*key)
-        if predicate is not None:
-            clauses = predicate.clauses if predicate.rows is None else ()
-            open_.extend(called for clause in clauses for called in calls(clause.body))
+        if engine.defines(*key):
+            open_.extend(called for clause in engine.clauses(*key) for called in calls(clause.body))
         elif not is_known(*key):
             missing[key] = None
     return list(missing)

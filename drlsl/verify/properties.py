@@ -104,7 +104,7 @@ def _declared(engine: Engine) -> tuple[Property, ...]:
         raise UserError(f"property({twice[0]}, ...) is there more than once")
     names = {one.name for one in found}
     broken = set()
-    for clause in engine.program.get("violates", 1).clauses:
+    for clause in engine.clauses("violates", 1):
         name = deref(clause.args[0])
         if not isinstance(name, Atom):
             raise UserError(f"{clause.span}: violates/1 names no property; expected violates(Name) :- ...")
@@ -114,8 +114,8 @@ def _declared(engine: Engine) -> tuple[Property, ...]:
     for one in found:
         if one.name not in broken:
             raise UserError(f"property({one.name}, ...) without a clause of violates({one.name})")
-        predicate = engine.program.get(one.query.name, 0)
-        predicate.replace([Clause(Atom(one.query.name), Struct("violates", (Atom(one.name),)))])
+        broken_if = Clause(Atom(one.query.name), Struct("violates", (Atom(one.name),)))
+        engine.define(one.query.name, 0, [broken_if])
     return tuple(found)
 
 
@@ -144,10 +144,9 @@ def _unknowns(engine: Engine) -> tuple[dict[str, str], dict[str, Range]]:
     ranges: dict[str, Range] = {}
     for solution in engine.query("unknown(Name, Low, High, Text)"):
         name = str(solution["Name"])
-        predicate = engine.program.find(name, 1)
         if name in RANGES or FACTS.find(name, 1) is not None:
             raise UserError(f"unknown({name}, ...): the name is taken by a fact or a range")
-        if predicate is not None and predicate.clauses:
+        if engine.clauses(name, 1):
             raise UserError(f"unknown({name}, ...): {name}/1 has clauses; expected only :- dynamic({name}/1)")
         bounds = _range("unknown", name, solution["Low"], solution["High"])
         if ranges.setdefault(name, bounds) != bounds:
@@ -166,11 +165,11 @@ def _missing(engine: Engine, properties: Iterable[Property], facts: Schema) -> d
             or library().find(name, arity) is not None
         )
 
-    clauses = engine.program.get("violates", 1).clauses
+    clauses = engine.clauses("violates", 1)
     result = {}
     for one in properties:
         bodies = [clause.body for clause in clauses if deref(clause.args[0]) is Atom(one.name)]
-        missing = undefined_calls(engine.program, bodies, is_known)
+        missing = undefined_calls(engine, bodies, is_known)
         if missing:
             result[one.name] = tuple(f"{name}/{arity}" for name, arity in sorted(missing))
     return result

@@ -67,8 +67,7 @@ def _consult(engine: Engine, properties: Sequence[str | Path]) -> None:
 
 def _clauses(engine: Engine) -> dict[Indicator, list[Clause]]:
     """The clauses of every predicate that has some."""
-    predicates = engine.program.predicates
-    return {key: list(predicate.clauses) for key, predicate in predicates.items() if predicate.clauses}
+    return {key: clauses for key in engine.predicates() if (clauses := engine.clauses(*key))}
 
 
 def _check_rules(own: _Clauses, wanted: _Clauses) -> None:

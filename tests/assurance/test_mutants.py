@@ -15,7 +15,7 @@ from tests.assurance.evidence import RULES
 def texts(program: str) -> list[ClauseText]:
     engine = Engine()
     engine.consult_text(program, "rules.pl")
-    return clause_texts(engine.program)
+    return clause_texts(engine)
 
 
 def changes(program: str, kind: str) -> set[str]:
@@ -66,7 +66,7 @@ def test_slips(program: str, kind: str, expected: set[str]) -> None:
 def test_every_mutant_of_the_rules_has_a_name_of_its_own_and_reads_as_a_clause(program: str) -> None:
     engine = Engine()
     engine.consult(RULES / program)
-    mutants = mutants_of(clause_texts(engine.program))
+    mutants = mutants_of(clause_texts(engine))
     names = [mutant.name for mutant in mutants]
     assert len(set(names)) == len(names) > 500
     for mutant in mutants:

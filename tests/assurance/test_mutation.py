@@ -160,7 +160,7 @@ def test_the_program_is_as_before_when_all_mutants_were_tried(program: Path) -> 
     tester = MutantTester([program], [case("lane_keeping", "left_lane_change")])
     for number in range(len(tester.clauses)):
         tester.test_clause(number)
-    fresh = mutants_of(clause_texts(Shield.from_files([program]).engine.program))
+    fresh = mutants_of(clause_texts(Shield.from_files([program]).engine))
     assert [mutant.name for mutant in tester.mutants] == [mutant.name for mutant in fresh]
     unchanged = next(
         mutant for mutant in tester.mutants if mutant.name == "far/1 clause 1: D > 30 ==> D >= 30"

@@ -646,3 +646,45 @@ def test_defines(engine: Engine) -> None:
 def test_unknown_flags_are_refused() -> None:
     with pytest.raises(PrologError, match="prolog_flag"):
         Engine(flags={"speed": "ludicrous"})
+
+
+def test_the_clauses_of_a_program_can_be_read_and_replaced() -> None:
+    engine = Engine()
+    engine.consult_text("near(X) :- gap(X, G), G < 10.\nnear(nobody).\n:- dynamic(seen/1).")
+    engine.replace_facts("gap", 2, [("v1", 4.0), ("v2", 40.0)])
+    assert engine.predicates() == [("near", 1), ("seen", 1), ("gap", 2)]
+    assert [str(clause.span) for clause in engine.clauses("near", 1)] == ["text:1", "text:2"]
+    assert [clause.args[0].name for clause in engine.clauses("gap", 2)] == ["v1", "v2"]
+    assert engine.clauses("seen", 1) == engine.clauses("nobody_defined_this", 3) == []
+    engine.define("near", 1, engine.clauses("near", 1)[:1])
+    assert [solution["X"] for solution in engine.query("near(X)")] == ["v1"]
+    engine.define("near", 1, [])
+    assert engine.defines("near", 1)
+    assert not engine.holds("near(_)")
+
+
+def test_reading_clauses_leaves_facts_told_as_rows_as_they_are() -> None:
+    engine = Engine()
+    engine.replace_facts("gap", 2, [("v1", 4.0)])
+    before = engine.program.predicates["gap", 2].rows
+    assert len(engine.clauses("gap", 2)) == 1
+    assert engine.program.predicates["gap", 2].rows is before
+
+
+def test_a_goal_is_read_with_the_operators_of_the_program() -> None:
+    engine = Engine()
+    engine.consult_text(":- op(700, xfx, nearer).")
+    read = engine.read_goal("A nearer B")
+    assert (read.term.name, len(read.term.args), list(read.variables)) == ("nearer", 2, ["A", "B"])
+    with pytest.raises(PrologSyntaxError):
+        Engine().read_goal("A nearer B")
+
+
+def test_answers_of_tabled_predicates_can_be_forgotten() -> None:
+    engine = Engine()
+    engine.consult_text(":- table p/1.\np(X) :- nb_getval(now, X).")
+    for value in (1, 2):
+        assert engine.holds(f"nb_setval(now, {value})")
+        assert engine.once("p(X)") == {"X": 1}
+    engine.forget_answers()
+    assert engine.once("p(X)") == {"X": 2}

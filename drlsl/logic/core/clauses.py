@@ -149,9 +149,15 @@ class Predicate:
     def stored_clauses(self) -> list[Clause]:
         """The list of clauses itself, erased ones included, for an iteration that checks generations."""
         if self.rows is not None:
-            rows, self.rows, self._row_index = self.rows, None, None
-            self.replace([Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows])
+            self.replace(self._row_clauses(self.rows))
         return self.stored
+
+    def listed(self) -> list[Clause]:
+        """Return the clauses in order, and leave facts that were told as rows as they are."""
+        return list(self.clauses) if self.rows is None else self._row_clauses(self.rows)
+
+    def _row_clauses(self, rows: Iterable[Row]) -> list[Clause]:
+        return [Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows]
 
     def index(self) -> None:
         """Have the index that looking up clauses needs."""

@@ -80,6 +80,11 @@ class Library:
             self._load(path)
         return self.program.predicates[name, arity]
 
+    def clauses(self, name: str, arity: int) -> list[Clause]:
+        """Return the clauses of a predicate that the library exports, or that its own clauses call."""
+        predicate = self.find(name, arity) or self.program.find(name, arity)
+        return [] if predicate is None else list(predicate.clauses)
+
     def provides(self, module: str) -> bool:
         """Whether use_module/1 of a library has nothing to do but find it there."""
         return module in self.modules or module in _BUILT_IN

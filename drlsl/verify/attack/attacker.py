@@ -179,14 +179,14 @@ def _near(book: Book, prop: Property) -> Query | None:
     Of a clause with one goal it is reached in every scene.
     """
     bodies: list[Term] = []
-    for clause in book.engine.program.get("violates", 1).clauses:
+    for clause in book.engine.clauses("violates", 1):
         name = deref(clause.args[0])
         if isinstance(name, Atom) and name.name == prop.name:
             *goals, _ = _goals(clause.body)
             bodies.append(_conjunction(goals))
     query = Query(f"near {prop.name}", 0, "holds")
     head = Atom(query.name)
-    book.engine.program.get(query.name, 0).replace([Clause(head, body) for body in bodies])
+    book.engine.define(query.name, 0, [Clause(head, body) for body in bodies])
     try:
         lower(book.engine, book.facts, [query])
     except NotLowerable:
