@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl import config, plain_text
-from drlsl.assurance import yaml_file
 from drlsl.driving.scene import load_scene
 from drlsl.errors import UserError
-from drlsl.plain_text import parse_json, printable, read_text, to_json
+from drlsl.files import plain_text, read_yaml
+from drlsl.files.plain_text import parse_json, printable, read_text, to_json
 
 
 @pytest.mark.parametrize(
@@ -99,5 +98,4 @@ def test_a_byte_order_mark_is_skipped_in_scenes_tables_and_configurations(tmp_pa
     (tmp_path / "scene.json").write_bytes(b"\xef\xbb\xbf" + scene)
     assert load_scene(tmp_path / "scene.json") == load_scene("examples/scene.json")
     (tmp_path / "file.yaml").write_bytes(b"\xef\xbb\xbfepisodes: 3\n")
-    assert config.read_yaml(tmp_path / "file.yaml")[0] == {"episodes": 3}
-    assert yaml_file.read_yaml(tmp_path / "file.yaml").values == {"episodes": 3}
+    assert read_yaml(tmp_path / "file.yaml").values == {"episodes": 3}

@@ -9,7 +9,8 @@ from typing import Annotated, Final
 from pydantic import Field
 
 from drlsl.assurance.case_rows import Row
-from drlsl.assurance.yaml_file import read_yaml
+from drlsl.assurance.checked_values import checked
+from drlsl.files import read_yaml
 
 SUFFIX: Final = ".mutants.yaml"
 
@@ -39,7 +40,7 @@ def reasons_of(rules: Sequence[Path]) -> dict[str, str]:
         if not path.is_file():
             continue
         file = read_yaml(path)
-        for index, row in enumerate(file.checked(ReasonsFile, file.values, []).survivors):
+        for index, row in enumerate(checked(file, ReasonsFile, file.values, []).survivors):
             for place, name in enumerate(row.mutants):
                 if name in reasons:
                     raise file.error(["survivors", index, "mutants", place], f"{name!r} is named twice")

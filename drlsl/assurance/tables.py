@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from drlsl.assurance.case_rows import EgoRow, Layout, RoadRow, Row, Staging, VehicleRow
+from drlsl.assurance.checked_values import checked
 from drlsl.assurance.checks import (
     ACTIONS,
     ENTRY,
@@ -27,9 +28,9 @@ from drlsl.assurance.checks import (
     Question,
     Solves,
 )
-from drlsl.assurance.yaml_file import YamlFile, read_yaml
 from drlsl.driving.scene import EGO, Action
 from drlsl.errors import UserError
+from drlsl.files import YamlFile, read_yaml
 from drlsl.traffic import Direction
 
 ActionWord = Literal["keep", "left", "right"]
@@ -86,7 +87,7 @@ def load_table(path: Path) -> list[Case]:
     Raises:
         UserError: the file cannot be read or does not describe scenes; the message names file, line and key.
     """
-    file = read_yaml(path)
+    file = read_yaml(path, example="scenes:")
     unknown = [key for key in file.values if key not in (*_BASE, "scenes")]
     if unknown:
         raise file.error(
@@ -119,7 +120,7 @@ def _checked_row(
     file: YamlFile, values: Mapping[str, Any], scene: Sequence[int | str], own: Sequence[int | str]
 ) -> CaseRow:
     _refuse_cut_goals(file, values.get("goals"), own)
-    return file.checked(CaseRow, values, [], scene, own)
+    return checked(file, CaseRow, values, [], scene, own)
 
 
 def laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,7 +142,7 @@ _PLACES: Final = {"ahead", "behind", "offset"}
 
 def _cases(file: YamlFile, row: CaseRow, place: Sequence[int | str]) -> Iterator[Case]:
     """The case of a row in each direction of travel."""
-    where = f"{file.path}:{file.line(place)}"
+    where = f"{file.name}:{file.line(place)}"
     if EGO in row.vehicles:
         raise file.error([*place, "vehicles", EGO], f"vehicles: {EGO!r} is the ego's own name")
     vehicles = {name: vehicle for name, vehicle in row.vehicles.items() if vehicle is not None}

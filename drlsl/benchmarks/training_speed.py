@@ -13,8 +13,17 @@ import numpy as np
 import torch
 
 from drlsl import driving
-from drlsl.config import TrainConfig, make_config, merged, preset_values
-from drlsl.learning import Trainer, VectorHighway, make_learner, make_training_env, space_sizes
+from drlsl.learning import (
+    TrainConfig,
+    Trainer,
+    VectorHighway,
+    make_config,
+    make_learner,
+    make_training_env,
+    merged,
+    preset_values,
+    space_sizes,
+)
 
 UPDATES: Final = 128
 """Updates of one kind before it is another kind's turn."""

@@ -12,8 +12,8 @@ import typer
 
 from drlsl.cli import bench, data, evaluate, query, rules, stress, study, train
 from drlsl.errors import UserError
+from drlsl.files import printable
 from drlsl.logic import PrologError
-from drlsl.plain_text import printable
 from drlsl.version import __version__
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for them is slow

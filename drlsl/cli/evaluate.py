@@ -65,8 +65,7 @@ def evaluate(
     """
     from rich.console import Console
 
-    from drlsl.config import make_config, merged
-    from drlsl.learning import RunFolder, make_evaluation_env
+    from drlsl.learning import RunFolder, make_config, make_evaluation_env, merged
 
     folder = RunFolder.open(run)
     flags = {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drlsl.cli.failures import failures_as_errors
-from drlsl.plain_text import printable, to_json
+from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.driving.explain import BusySection, Objection

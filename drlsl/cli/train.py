@@ -18,8 +18,7 @@ from drlsl.errors import UserError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from drlsl.config import TrainConfig
-    from drlsl.learning import Session, StepEvent
+    from drlsl.learning import Session, StepEvent, TrainConfig
 
 RUNS = Path("runs")
 """Where a run without --out is put."""
@@ -113,7 +112,7 @@ def train(
     else:
         chosen = _effective_config(preset, config, given)
         if print_config:
-            from drlsl.config import dump_yaml
+            from drlsl.learning import dump_yaml
 
             typer.echo(dump_yaml(chosen), nl=False)
             return
@@ -126,7 +125,7 @@ def _given_settings(settings: list[str], flags: Mapping[str, object]) -> dict[st
     """Nested values of --set and of the flags that were given."""
     import yaml
 
-    from drlsl.config import with_value
+    from drlsl.learning import with_value
 
     values: dict[str, Any] = {}
     for text in settings:
@@ -144,14 +143,15 @@ def _given_settings(settings: list[str], flags: Mapping[str, object]) -> dict[st
 
 
 def _effective_config(preset: str | None, file: Path | None, given: Mapping[str, Any]) -> TrainConfig:
-    from drlsl.config import make_config, merged, preset_values, read_yaml
+    from drlsl.files import read_yaml
+    from drlsl.learning import EXAMPLE, make_config, merged, preset_values
 
     name = preset or (None if file else "quick")
     values = preset_values(name) if name else {}
     if file:
-        from_file, positions = read_yaml(file)
-        values = merged(values, from_file)
-        make_config(values, str(file), positions)
+        read = read_yaml(file, "the configuration", EXAMPLE)
+        values = merged(values, read.values)
+        make_config(values, read.name, read)
     return make_config(merged(values, given), "command line")
 
 
@@ -163,8 +163,7 @@ def _start(out: Path | None, config: TrainConfig, force: bool) -> Session:
 
 
 def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool) -> Session:
-    from drlsl.config import make_config, merged
-    from drlsl.learning import RunFolder, Session
+    from drlsl.learning import RunFolder, Session, make_config, merged
 
     if out is None:
         raise UserError("--resume: name the run to go on with by --out")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from drlsl.plain_text import printable, to_json
+from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.verify import Report, Request, Result

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from drlsl.cli.failures import failures_as_errors
-from drlsl.plain_text import printable, to_json
+from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.counterfactual import Answer, Change, Finding

@@ -1,10 +1,8 @@
-"""Files of a run that are written whole or not at all: checkpoints, weights and text."""
+"""Checkpoints and weights: files that are written whole, sealed, and read without running code."""
 
 import io
 import logging
-import os
 import pickle
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -13,7 +11,7 @@ import numpy as np
 import torch
 
 from drlsl.errors import UserError
-from drlsl.learning.seal import DamagedError, open_archive, seal_archive
+from drlsl.files import DamagedError, open_archive, seal_archive, write_atomic
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -43,35 +41,6 @@ _UNREADABLE: Final = (
     pickle.UnpicklingError,
 )
 """What PyTorch raises at files that it did not write."""
-
-
-def write_atomic(path: Path, content: bytes) -> None:
-    """Replace a file by `content` so that a crash leaves the old file or the new one, never a part.
-
-    Raises:
-        UserError: the file cannot be written.
-    """
-    try:
-        _replace(path, content)
-    except OSError as error:
-        raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
-
-
-def _replace(path: Path, content: bytes) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp makes files for the owner alone; the rest of the run folder follows the umask.
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    _sync_folder(path.parent)
 
 
 def save_state(path: Path, kind: Kind, state: Mapping[str, Any]) -> None:
@@ -134,20 +103,3 @@ def _mapped(state: Any, kind: type, change: Callable[[Any], Any]) -> Any:
     if isinstance(state, list | tuple):
         return type(state)(_mapped(value, kind, change) for value in state)
     return state
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename in `folder` outlast a power cut; Windows has no such call."""
-    if os.name == "nt":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from drlsl.config import Bootstrap, LearningConfig, NetworkConfig
+from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig
 from drlsl.learning.divergence import DivergedError
 from drlsl.learning.network import Policy, make_networks
 from drlsl.learning.replay import Batch

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drlsl.config import Method
 from drlsl.driving.simulation import TERMS
+from drlsl.learning.config import Method
 
 Mask = NDArray[np.bool_]
 ActionFilter = Callable[[Mask], Mask]

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from drlsl.learning.checkpoint import write_atomic
+from drlsl.files import write_atomic
 
 WINDOW = 20
 """Episodes of the moving average."""

@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from drlsl.config import NetworkConfig
 from drlsl.errors import UserError
 from drlsl.learning import architectures
 from drlsl.learning.adam import Adam, Optimiser
 from drlsl.learning.architectures import SPREAD
+from drlsl.learning.config import NetworkConfig
 from drlsl.learning.module_network import ModuleNetwork, RandomStream, checked_module
 from drlsl.learning.network_factory import call_factory
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from drlsl.config import NetworkConfig
 from drlsl.errors import UserError
+from drlsl.learning.config import NetworkConfig
 
 Factory = Callable[..., Any]
 """Makes a torch.nn.Module of the numbers of observed values and of actions, and of keyword arguments."""

@@ -14,12 +14,18 @@ from typing import Any, Self
 
 import pandas as pd
 
-from drlsl.config import TrainConfig, dump_yaml, load_config
 from drlsl.errors import UserError
-from drlsl.learning.checkpoint import write_atomic
+from drlsl.files import (
+    DamagedError,
+    FolderLock,
+    check_text,
+    open_values,
+    seal_text,
+    seal_values,
+    write_atomic,
+)
+from drlsl.learning.config import TrainConfig, dump_yaml, load_config
 from drlsl.learning.episode import EpisodeSummary
-from drlsl.learning.lock import FolderLock
-from drlsl.learning.seal import DamagedError, check_text, open_values, seal_text, seal_values
 from drlsl.learning.trainer import EpisodeEvent
 
 CONFIG, METRICS, CHECKPOINT = "config.yaml", "metrics.csv", "checkpoint.pt"

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from drlsl.config import TrainConfig
+from drlsl.learning.config import TrainConfig
 
 
 @dataclass(frozen=True, slots=True)

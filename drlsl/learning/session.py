@@ -7,12 +7,12 @@ from typing import Any, Self
 from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
-from drlsl.config import NetworkConfig, TrainConfig, make_config, merged, preset_values
 from drlsl.errors import UserError
+from drlsl.files import FolderLock
 from drlsl.learning.checkpoint import load_state, save_state
+from drlsl.learning.config import NetworkConfig, TrainConfig, make_config, merged, preset_values
 from drlsl.learning.figures import write_training_figures
 from drlsl.learning.fleet import VectorHighway
-from drlsl.learning.lock import FolderLock
 from drlsl.learning.network import Policy
 from drlsl.learning.network_factory import Factory, factory_name, refuse_while_loading
 from drlsl.learning.rundir import RunFolder

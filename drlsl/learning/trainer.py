@@ -8,8 +8,8 @@ import gymnasium
 import numpy as np
 import torch
 
-from drlsl.config import Device, TrainConfig
 from drlsl.errors import UserError
+from drlsl.learning.config import Device, TrainConfig
 from drlsl.learning.dqn import DqnAgent
 from drlsl.learning.episode import ACTION_FILTERS, EpisodeSummary
 from drlsl.learning.fleet import Fleet, VectorHighway, space_sizes

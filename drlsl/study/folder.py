@@ -7,16 +7,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from drlsl.errors import UserError
-from drlsl.learning import (
-    METRICS,
-    FolderLock,
-    RunFolder,
-    check_text,
-    open_values,
-    seal_text,
-    seal_values,
-    write_atomic,
-)
+from drlsl.files import FolderLock, check_text, open_values, seal_text, seal_values, write_atomic
+from drlsl.learning import METRICS, RunFolder
 from drlsl.study.plan import Run, StudyConfig, Task, dump_study, load_study
 
 STUDY, INPUTS = "study.yaml", "inputs.json"

@@ -9,19 +9,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from drlsl.config import (
-    TrainConfig,
-    make_config,
-    merged,
-    parse_yaml,
-    preset_names,
-    preset_values,
-    read_yaml,
-    to_yaml,
-    with_value,
-)
 from drlsl.driving import EnvConfig
 from drlsl.errors import UserError
+from drlsl.files import parse_yaml, read_yaml, to_yaml
+from drlsl.learning import TrainConfig, make_config, merged, preset_names, preset_values, with_value
 from drlsl.study.paper import PaperMethod, PaperTest
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9]+([._-][a-z0-9]+)*$", max_length=60)]
@@ -223,7 +214,7 @@ def preset_study(name: str) -> StudyConfig:
     if name not in study_presets():
         raise UserError(f"no preset '{name}': expected one of {', '.join(study_presets())}")
     file = importlib.resources.files("drlsl.study").joinpath("presets", f"{name}.yaml")
-    return make_study(parse_yaml(file.read_text("utf-8"), f"preset {name}")[0], f"preset {name}")
+    return make_study(parse_yaml(file.read_text("utf-8"), f"preset {name}").values, f"preset {name}")
 
 
 def load_study(path: Path) -> StudyConfig:
@@ -232,7 +223,7 @@ def load_study(path: Path) -> StudyConfig:
     Raises:
         UserError: the file cannot be read, or is no valid study.
     """
-    return make_study(read_yaml(path)[0], str(path))
+    return make_study(read_yaml(path, "the study", "seeds: 3").values, str(path))
 
 
 def make_study(values: Mapping[str, Any], source: str) -> StudyConfig:

@@ -6,7 +6,8 @@ from pathlib import Path
 import pandas as pd
 
 from drlsl.driving.simulation import BRAKING, INTRUSION, REACTION
-from drlsl.learning import FIGURES, write_atomic
+from drlsl.files import write_atomic
+from drlsl.learning import FIGURES
 from drlsl.study import result_tables as tables
 from drlsl.study import statistics
 from drlsl.study.claims import agreement, claims

@@ -7,12 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from drlsl.config import NetworkConfig
 from drlsl.driving import EnvConfig
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.learning import (
     CHECKPOINT,
+    NetworkConfig,
     Session,
     ShieldState,
     as_record,

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 import warnings
 from dataclasses import asdict
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from drlsl.files import written_whole
 from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.sources import Source
@@ -93,21 +93,14 @@ def write_cached(source: Source, recording: Recording) -> None:
     path = _cache_file(source)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            try:
-                file.write(bytes(SUM))
-                for array in arrays:
-                    np.save(file, array)
-                file.seek(SUM)
-                checksum = _checksum(file)
-                file.seek(0)
-                file.write(checksum)
-                file.close()
-                os.replace(file.name, path)
-            except BaseException:
-                file.close()
-                Path(file.name).unlink(missing_ok=True)
-                raise
+        with written_whole(path) as file:
+            file.write(bytes(SUM))
+            for array in arrays:
+                np.save(file, array)
+            file.seek(SUM)
+            checksum = _checksum(file)
+            file.seek(0)
+            file.write(checksum)
     except OSError as error:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
 

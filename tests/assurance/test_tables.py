@@ -104,7 +104,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "expected keys with values"),
+        ("", "scenes: expected a list of scenes"),
         ("scenes: 1", ":1: scenes: expected a list of scenes"),
         ("scenes: []", ":1: scenes: expected a list of scenes"),
         ("scene: []", ":1: scene is no key of a table; expected scenes"),
@@ -131,7 +131,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
             "scenes:\n  - scene: a\n    actions: []\n    vehicles: {ego: {ahead: 1.0}}",
             ":4: vehicles: 'ego' is the ego's",
         ),
-        ("scenes:\n  - scene: a\n    scene: b\n", ":3: key 'scene' is given twice"),
+        ("scenes:\n  - scene: a\n    scene: b\n", ":3:5: key 'scenes.scene' is given twice"),
         ("scenes:\n  - {scene: a, goals: {f(A, B): {A: 1}}}\n", ":2: goals: f\\(A has no answer; .*quotes"),
         ("scenes: [", "not valid YAML"),
     ],

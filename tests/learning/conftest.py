@@ -4,8 +4,8 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
-from drlsl.config import TrainConfig, make_config
 from drlsl.driving import EnvConfig
+from drlsl.learning.config import TrainConfig, make_config
 
 from .fake import FakeVector, fakes
 

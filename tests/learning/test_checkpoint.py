@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from drlsl.errors import UserError
-from drlsl.learning import load_state, write_atomic
+from drlsl.files import write_atomic
+from drlsl.learning import load_state
 from drlsl.learning.checkpoint import as_arrays, as_tensors, save_state
 
 

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 import torch
 
-from drlsl.config import TrainConfig
 from drlsl.errors import UserError
-from drlsl.learning import RunFolder, Session, checkpoint, load_state, open_values, seal_values
+from drlsl.files import open_values, seal_values
+from drlsl.learning import RunFolder, Session, checkpoint, load_state
+from drlsl.learning.config import TrainConfig
 
 from .test_session import flat, train_whole
 

@@ -6,8 +6,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.config import Bootstrap, LearningConfig, NetworkConfig, make_config
 from drlsl.learning import greedy_choice
+from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, make_config
 from drlsl.learning.dqn import DivergedError, DqnAgent, td_loss, td_targets
 from drlsl.learning.replay import Batch
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from drlsl.config import LearningConfig, NetworkConfig, TrainConfig, make_config, merged
 from drlsl.errors import UserError
 from drlsl.learning import RunFolder, Session, architectures, load_policy, load_state
+from drlsl.learning.config import LearningConfig, NetworkConfig, TrainConfig, make_config, merged
 from drlsl.learning.divergence import DivergedError
 from drlsl.learning.dqn import DqnAgent
 from drlsl.learning.module_network import ModuleNetwork

@@ -8,9 +8,9 @@ import pytest
 from torch import nn
 
 from drlsl.cli import run
-from drlsl.config import NetworkConfig
 from drlsl.errors import UserError
 from drlsl.learning import RunFolder, architectures, train
+from drlsl.learning.config import NetworkConfig
 from drlsl.learning.network_factory import call_factory, factory_name, find_factory
 
 from . import networks

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.config import TrainConfig
 from drlsl.errors import UserError
 from drlsl.learning import METRIC_COLUMNS, RunFolder, next_free_folder
+from drlsl.learning.config import TrainConfig
 from drlsl.learning.episode import EpisodeSummary
 from drlsl.learning.trainer import EpisodeEvent
 

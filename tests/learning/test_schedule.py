@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.config import TrainConfig, make_config
+from drlsl.learning.config import TrainConfig, make_config
 from drlsl.learning.schedule import LinearSchedule, epsilon_schedule, learning_rate_schedule
 
 VALUES = st.floats(0.0, 1.0)

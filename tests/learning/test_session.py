@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 import torch
 
-from drlsl.config import TrainConfig, make_config, merged
 from drlsl.errors import UserError
 from drlsl.learning import RunFolder, Session, load_policy, load_state
+from drlsl.learning.config import TrainConfig, make_config, merged
 
 from .conftest import small_config
 from .fake import fakes

@@ -8,10 +8,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drlsl.config import TrainConfig, make_config, merged
 from drlsl.driving.simulation import TERMS
 from drlsl.errors import UserError
 from drlsl.learning import Trainer, make_learner
+from drlsl.learning.config import TrainConfig, make_config, merged
 from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, episode_seed
 from drlsl.learning.trainer import EpisodeEvent, resolve_device
 

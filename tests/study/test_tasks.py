@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
-from drlsl.config import merged
 from drlsl.errors import UserError
+from drlsl.learning.config import merged
 from drlsl.study import StudyConfig, StudyFolder, inputs_of, perform, preset_study
 from drlsl.study.folder import digest
 from drlsl.study.plan import Run, Task, make_study

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from drlsl.driving.scene import Scene, Vehicle
 from drlsl.errors import UserError
-from drlsl.plain_text import printable
+from drlsl.files import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

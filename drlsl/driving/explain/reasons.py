@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from drlsl.driving.scene import Action, Scene, action_of_atom
 from drlsl.driving.shield import LIMITS, Decision, Shield
+from drlsl.files import printable
 from drlsl.logic import Compound
-from drlsl.plain_text import printable
 
 SECTIONS: Final = ("front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left")
 """The sections around the ego, clockwise. Source: paper, SLP for AD."""

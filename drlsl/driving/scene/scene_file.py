@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from drlsl.driving.scene.ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
 from drlsl.errors import UserError
-from drlsl.plain_text import parse_json, read_text
+from drlsl.files import parse_json, problem_text, read_text
 from drlsl.traffic import Direction, Lane
 
 Positive = Annotated[float, Field(gt=0)]
@@ -109,13 +109,8 @@ def _first_problem(error: ValidationError) -> str:
     first = problems[0]
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    if first["type"] == "missing":
-        return f"{place} is missing{more}"
-    if first["type"] == "extra_forbidden":
-        return f"{place} is not a field of a scene{more}; docs/scene.schema.json lists them"
-    given = first["input"]
-    shown = f", got {given!r}" if isinstance(given, str | int | float | bool | None) else ""
-    return f"{place or 'the scene'}: {first['msg'][:1].lower()}{first['msg'][1:]}{shown}{more}"
+    unknown = f"is not a field of a scene{more}; docs/scene.schema.json lists them"
+    return problem_text(first, place or "the scene", unknown, more)
 
 
 def _problems(model: SceneModel) -> Iterator[str]:

@@ -11,10 +11,8 @@ import hashlib
 import importlib.util
 import inspect
 import logging
-import os
 import pickle
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -25,6 +23,7 @@ import numba
 from numba import types
 from numba.extending import overload, register_jitable
 
+from drlsl.files import written_whole
 from drlsl.lowering.backends import loop_ops
 from drlsl.lowering.backends.array_loops import ArrayLoopPrinter, Kind, Parameter
 from drlsl.lowering.backends.loop_ops import CALLED, MATH, OPS
@@ -149,17 +148,8 @@ def _write(path: Path, text: str) -> None:
     if path.is_file() and path.read_text(encoding="utf-8") == text:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(
-        "w", dir=path.parent, suffix=".part", delete=False, encoding="utf-8"
-    ) as file:
-        try:
-            file.write(text)
-            file.close()
-            os.replace(file.name, path)
-        except BaseException:
-            file.close()
-            Path(file.name).unlink(missing_ok=True)
-            raise
+    with written_whole(path) as file:
+        file.write(text.encode())
 
 
 @cache

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -21,7 +20,7 @@ from pydantic_core import ErrorDetails
 
 from drlsl.driving import EnvConfig
 from drlsl.errors import UserError
-from drlsl.plain_text import read_text
+from drlsl.files import YamlFile, parse_yaml, read_yaml, shown, to_yaml
 
 Method = Literal["dqn", "mpsdqn", "dqnsl"]
 Bootstrap = Literal["all", "safe"]
@@ -39,8 +38,8 @@ BUILT_IN = ("mlp", "dueling")
 OWN_FACTORY = re.compile(r"(?:.*\.py|[^\W\d]\w*(?:\.[^\W\d]\w*)*):[^\W\d]\w*")
 """How a function of the user's is named: by its file, or by its module."""
 
-Position = tuple[int, int]
-"""Line and column of a value in its file, both from 1."""
+EXAMPLE = "episodes: 100"
+"""What a configuration holds, as errors say it."""
 
 LIKE_ENOUGH = 0.7
 """How like a known key an unknown one must be to be taken for a slip of the pen."""
@@ -256,7 +255,7 @@ def preset_values(name: str) -> dict[str, Any]:
     if name not in known:
         raise UserError(f"no preset '{name}': expected one of {', '.join(known)}")
     text = importlib.resources.files("drlsl.learning").joinpath("presets", f"{name}.yaml").read_text("utf-8")
-    return parse_yaml(text, f"preset {name}")[0]
+    return parse_yaml(text, f"preset {name}").values
 
 
 def load_config(path: Path) -> TrainConfig:
@@ -265,72 +264,18 @@ def load_config(path: Path) -> TrainConfig:
     Raises:
         UserError: the file cannot be read, is not YAML, or holds an unknown key or a bad value.
     """
-    values, positions = read_yaml(path)
-    return make_config(values, str(path), positions)
+    file = read_yaml(path, "the configuration", EXAMPLE)
+    return make_config(file.values, file.name, file)
 
 
-def read_yaml(path: Path) -> tuple[dict[str, Any], dict[str, Position]]:
-    """Read a YAML mapping and the position of each value by dotted path.
-
-    Raises:
-        UserError: the file cannot be read or is not a YAML mapping.
-    """
-    text = read_text(path, "the configuration")
-    return parse_yaml(text, str(path))
-
-
-def parse_yaml(text: str, source: str) -> tuple[dict[str, Any], dict[str, Position]]:
-    """Parse a YAML mapping; `source` names it in errors.
-
-    Raises:
-        UserError: the text is not YAML, holds a key twice, or is not a mapping.
-    """
-    try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        positions = dict(_positions(node, source)) if node is not None else {}
-        values = yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"{source}:{mark.line + 1}:{mark.column + 1}" if mark else source
-        raise UserError(f"{where}: not valid YAML: {error.problem or error.context}") from error
-    except yaml.YAMLError as error:
-        raise UserError(f"{source}: not valid YAML: {' '.join(str(error).split())}") from error
-    except RecursionError as error:
-        raise UserError(f"{source}: the YAML is nested too deeply") from error
-    if values is None:
-        return {}, positions
-    if not isinstance(values, dict):
-        raise UserError(f"{source}: expected keys with values (such as 'episodes: 100'), got {_show(values)}")
-    return values, positions
-
-
-def _positions(node: yaml.Node, source: str, path: str = "") -> Iterator[tuple[str, Position]]:
-    """Dotted path and position of each value below a mapping node; a key given twice is an error."""
-    if not isinstance(node, yaml.MappingNode):
-        return
-    seen: set[str] = set()
-    for key, value in node.value:
-        name = str(key.value)
-        where = (key.start_mark.line + 1, key.start_mark.column + 1)
-        if name in seen:
-            raise UserError(f"{source}:{where[0]}:{where[1]}: key '{path}{name}' is given twice")
-        seen.add(name)
-        yield f"{path}{name}", where
-        if value is not node:
-            yield from _positions(value, source, f"{path}{name}.")
-
-
-def make_config(
-    values: Mapping[str, Any], source: str, positions: Mapping[str, Position] | None = None
-) -> TrainConfig:
-    """Check values and make the frozen configuration; `source` and `positions` say where each came from.
+def make_config(values: Mapping[str, Any], source: str, file: YamlFile | None = None) -> TrainConfig:
+    """Check values and make the frozen configuration; `source` and `file` say where each came from.
 
     Raises:
         UserError: a key is unknown (the message names the nearest known one) or a value is out of bounds.
     """
-    places = positions or {}
     unknown = [
-        f"{_where(source, places, path)}unknown key '{path}'{_nearest_key(path)}"
+        f"{_where(source, file, path)}unknown key '{path}'{_nearest_key(path)}"
         for path in _unknown_keys(TrainConfig, values)
     ]
     if unknown:
@@ -338,7 +283,7 @@ def make_config(
     try:
         return TrainConfig.model_validate(values)
     except ValidationError as error:
-        raise UserError("; ".join(_explain(item, source, places) for item in error.errors())) from error
+        raise UserError("; ".join(_explain(item, source, file) for item in error.errors())) from error
 
 
 def with_value(values: Mapping[str, Any], path: str, value: object) -> dict[str, Any]:
@@ -363,27 +308,6 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def dump_yaml(config: TrainConfig) -> str:
     """The complete configuration as YAML that `load_config` reads back to an equal one."""
     return to_yaml(config.model_dump(mode="json"))
-
-
-_LINE_BREAKS = re.compile("[\x85\u2028\u2029]")
-"""Those beyond ASCII, which PyYAML writes as they are and then reads as other ones."""
-
-
-class _Dumper(yaml.SafeDumper):
-    """Escapes `_LINE_BREAKS`."""
-
-    def represent_str(self, data: str) -> yaml.ScalarNode:
-        """Text, in double quotes where it must be escaped."""
-        style = '"' if _LINE_BREAKS.search(data) else None
-        return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
-
-
-_Dumper.add_representer(str, _Dumper.represent_str)
-
-
-def to_yaml(values: Mapping[str, Any]) -> str:
-    """Plain values as YAML that `parse_yaml` reads back to equal ones, in their order."""
-    return yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
 def describe_keys(model: type[BaseModel] = TrainConfig, path: str = "") -> Iterator[tuple[str, str]]:
@@ -428,12 +352,12 @@ def _ratio(one: str, other: str) -> float:
     return difflib.SequenceMatcher(None, one, other).ratio()
 
 
-def _explain(problem: ErrorDetails, source: str, places: Mapping[str, Position]) -> str:
+def _explain(problem: ErrorDetails, source: str, file: YamlFile | None) -> str:
     path = _dotted(problem["loc"])
     text = problem["msg"].removeprefix("Value error, ")
     value = problem["input"]
-    got = "" if isinstance(value, Mapping | BaseModel) else f", got {_show(value)}"
-    return f"{_where(source, places, path)}{path}: {text[:1].lower()}{text[1:]}{got}"
+    got = "" if isinstance(value, Mapping | BaseModel) else f", got {shown(value)}"
+    return f"{_where(source, file, path)}{path}: {text[:1].lower()}{text[1:]}{got}"
 
 
 def _dotted(location: Iterable[int | str]) -> str:
@@ -449,16 +373,7 @@ def _dotted(location: Iterable[int | str]) -> str:
     return ".".join(parts)
 
 
-def _where(source: str, places: Mapping[str, Position], path: str) -> str:
+def _where(source: str, file: YamlFile | None, path: str) -> str:
     """Where a value was given: the nearest enclosing key that the file holds."""
-    while path and path not in places:
-        path = path.rpartition(".")[0]
-    if not path:
-        return f"{source}: "
-    line, column = places[path]
-    return f"{source}:{line}:{column}: "
-
-
-def _show(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    position = None if file is None else file.position(path.split("."))
+    return f"{source}: " if position is None else f"{source}:{position[0]}:{position[1]}: "

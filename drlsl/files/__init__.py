@@ -1,0 +1,5 @@
+"""Files: text, JSON and YAML read strictly; files written whole, sealed and locked."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,30 @@
+from .lock import FolderLock
+from .plain_text import parse_json, printable, read_text, to_json
+from .problems import problem_text
+from .seal import DamagedError, check_text, open_archive, open_values, seal_archive, seal_text, seal_values
+from .whole_file import write_atomic, written_whole
+from .yaml_file import Location, YamlFile, parse_yaml, read_yaml, shown, to_yaml
+
+__all__ = [
+    "DamagedError",
+    "FolderLock",
+    "Location",
+    "YamlFile",
+    "check_text",
+    "open_archive",
+    "open_values",
+    "parse_json",
+    "parse_yaml",
+    "printable",
+    "problem_text",
+    "read_text",
+    "read_yaml",
+    "seal_archive",
+    "seal_text",
+    "seal_values",
+    "shown",
+    "to_json",
+    "to_yaml",
+    "write_atomic",
+    "written_whole",
+]
