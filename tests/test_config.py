@@ -221,9 +221,7 @@ def test_every_setting_is_described() -> None:
 
 
 def test_the_configuration_loads_without_torch() -> None:
-    code = (
-        "import sys, drlsl.learning.config as _; print(*{'torch', 'gymnasium', 'pandas'} & {*sys.modules})"
-    )
+    code = "import sys, drlsl.learning.config as _; print(*{'torch', 'gymnasium', 'pandas'} & {*sys.modules})"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == ""
 

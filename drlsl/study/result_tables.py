@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -50,6 +51,7 @@ COUNTED = ("episodes", "contacts_at_fault", "contacts_not_at_fault", "off_road")
 class Table:
     """A table of the report: `frame` becomes the CSV, `shown`, made of it, what people read."""
 
+    kind: ClassVar = "table"
     stem: str
     title: str
     frame: pd.DataFrame
