@@ -4,8 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+CORE = .venv-core/$(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 
-.PHONY: train test test-all check clean
+.PHONY: train test test-all test-core check clean
 
 train: $(READY)
 	$(BIN)/drlsl train --preset quick
@@ -16,6 +17,10 @@ test: $(READY)
 test-all: $(READY)
 	$(BIN)/pytest -n 2
 
+# What works without PyTorch, tested without it: make test-core PYTHON=python3.13
+test-core: $(CORE)/.ready
+	$(CORE)/bin/pytest -n 2 -m "not slow"
+
 check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -23,9 +28,14 @@ check: $(READY)
 	$(BIN)/lint-imports --no-cache
 
 clean:
-	rm -rf $(VENV) build dist
+	rm -rf $(VENV) .venv-core build dist
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+$(CORE)/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(CORE)
+	$(CORE)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[core-test]'
 	touch $@

@@ -163,9 +163,10 @@ def _array_programs(lowered: Lowered) -> Iterator[tuple[str, BatchProgram[Any]]]
         from drlsl.lowering.backends import compile_numba
 
         yield "numba", compile_numba(lowered, cache_folder() / "rules")
-    from drlsl.lowering.backends import compile_torch
+    if find_spec("torch"):
+        from drlsl.lowering.backends import compile_torch
 
-    yield "torch", compile_torch(lowered)
+        yield "torch", compile_torch(lowered)
 
 
 def _interpreter(engine: Engine) -> Ask:

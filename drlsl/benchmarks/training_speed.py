@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import gymnasium
 import numpy as np
-import torch
 
 from drlsl import driving
 from drlsl.learning import (
@@ -124,6 +123,8 @@ def _training(env: VectorHighway, config: TrainConfig) -> Turn:
 
 
 def _stable_baselines3(config: TrainConfig) -> Turn:
+    import torch
+
     library = importlib.import_module("stable_baselines3")
     vectors = importlib.import_module("stable_baselines3.common.vec_env")
     learning, schedule = config.learning, config.schedule

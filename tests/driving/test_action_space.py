@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from drlsl.driving import EnvConfig
 from drlsl.driving.envs import HighwayEnv, HighwayVectorEnv
 from drlsl.driving.scene import one_action, several_actions
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import World, playbacks_of
+from tests.installed import needs_torch
 
 from .recordings import Drive, recording
 
@@ -138,13 +138,19 @@ def test_integers_of_every_kind_are_actions(single: HighwayEnv, action: Any) -> 
         np.array([0, 2], dtype=np.uint8),
         np.array([0, 9, 2, 9])[::2],
         np.array([0, 2], dtype=">i4"),
-        torch.tensor([0, 2]),
     ],
 )
 def test_integers_in_a_row_are_actions(actions: Any) -> None:
     found = several_actions(actions, 2)
     assert found.dtype == np.int64
     assert found.tolist() == [0, 2]
+
+
+@needs_torch
+def test_a_tensor_of_integers_is_actions() -> None:
+    import torch
+
+    assert several_actions(torch.tensor([0, 2]), 2).tolist() == [0, 2]
 
 
 def test_every_sample_of_the_space_is_driven(single: HighwayEnv, vector: HighwayVectorEnv) -> None:

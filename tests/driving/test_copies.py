@@ -21,9 +21,9 @@ from drlsl.driving.envs import HighwayEnv, HighwayVectorEnv
 from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
 from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
+from tests.installed import TIERS
 from tests.scenes import road
 
-TIERS = ("interpreter", "scalar", "numpy", "numba", "torch")
 WAYS: dict[str, Callable[[Any], Any]] = {
     "deepcopy": copy.deepcopy,
     "pickle": lambda one: pickle.loads(pickle.dumps(one)),  # noqa: S301  (made here)

@@ -15,10 +15,10 @@ from drlsl.driving.shield import LIMITS, RuleFailure, Shield
 from drlsl.driving.shield.decision import fail_safe_speed
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, PrologSyntaxError
+from tests.installed import TIERS
 from tests.scenes import road, scenes
 
 PROGRAMS = ("highway.pl", "overtake_left.pl", "paper.pl")
-TIERS = ("interpreter", "scalar", "numpy", "numba", "torch")
 SCENE = Scene(road(0, 3), Vehicle(EGO, 2, 0.0, 7.25, 30.0, 0.0, 4.6, 1.9), (), 2)
 
 SHIELDS = {

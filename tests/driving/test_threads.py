@@ -17,9 +17,9 @@ from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.logic import Engine
 from drlsl.logic.engine import EngineBusyError
+from tests.installed import TIERS
 from tests.scenes import road
 
-TIERS = ("interpreter", "scalar", "numpy", "numba", "torch")
 THREADS = 8
 SAMPLE = 40
 DECISIONS = [pytest.param(SAMPLE, id="sample"), pytest.param(1_000, id="all", marks=pytest.mark.slow)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from drlsl.lowering.backends import (
     compile_scalar,
     numpy_backend,
     scalar_source,
-    torch_backend,
 )
 from drlsl.lowering.frontend import Mode, Query, lower
 from drlsl.lowering.ir import INT_BOUND, NotLowerable, Relation, Schema, Undecided
+from tests.installed import TORCH
 from tests.lowering.tiers import Facts, Tiers, ask, to_rows
 
 SCHEMA = Schema(
@@ -372,9 +373,10 @@ def test_scenes_in_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
         "q :- car(_, N, X), lane(N, left, W), X > W."
     )
     scenes = [facts(cars=CARS[: 1 + n % 4], limit=n / 3) for n in range(11)]
+    chunked = [numpy_backend, *([import_module("drlsl.lowering.backends.torch_backend")] if TORCH else [])]
     for chunk in (1, 2, 4, 11, 2048):
-        monkeypatch.setattr(numpy_backend, "CHUNK", chunk)
-        monkeypatch.setattr(torch_backend, "CHUNK", chunk)
+        for module in chunked:
+            monkeypatch.setattr(module, "CHUNK", chunk)
         assert tiers(text, "p/2", "first").check(scenes) == 11
         assert tiers(text, "q/0", "holds").check(scenes) == 11
 

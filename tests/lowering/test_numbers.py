@@ -11,11 +11,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine
-from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar, compile_torch
+from drlsl.lowering.backends import Rows, compile_scalar
 from drlsl.lowering.frontend import Query, lower
 from drlsl.lowering.ir import Relation, Schema, Undecided
 from drlsl.lowering.ir.schema import Kind
-from tests.lowering.tiers import Facts, Tiers, ask, same
+from tests.lowering.tiers import ARRAY_TIERS, Facts, Tiers, ask, same
 
 LIMIT = ("limit", 1)
 OPERATIONS = ("+", "-", "*", "/", "**", "^", "//", "mod", "min", "max")
@@ -95,7 +95,7 @@ def test_an_integer_in_a_column_of_floats_is_that_float(expression: str, limit: 
         assert isinstance(expected, Exception)
     else:
         assert same(given, expected)
-    for make in (compile_numpy, compile_torch):
+    for make in ARRAY_TIERS.values():
         result: Any = make(lowered)({LIMIT: Rows([np.array([limit])])})
         if not result.undecided[0]:
             assert result.answers[0].value.tolist()[0] == expected

@@ -7,24 +7,29 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
-import torch
 
 from drlsl.logic import Engine, PrologError
-from drlsl.lowering.backends import BatchProgram, Rows, compile_numpy, compile_scalar, compile_torch
+from drlsl.lowering.backends import BatchProgram, Rows, compile_numpy, compile_scalar
 from drlsl.lowering.frontend import Lowered, Query, lower
 from drlsl.lowering.ir import NotLowerable, Relation, Schema, Undecided
+from tests.installed import TORCH
 from tests.lowering.plain import compile_plain
-
-torch.set_num_threads(1)  # tests run beside each other
 
 Program: TypeAlias = BatchProgram[Any]
 
-ARRAY_TIERS: Final[Mapping[str, Callable[[Lowered], Program]]] = {
+ARRAY_TIERS: Final[dict[str, Callable[[Lowered], Program]]] = {
     "numpy": compile_numpy,
-    "torch": compile_torch,
     "loops": compile_plain,
 }
 """The back ends for many scenes, all of which give the interpreter's bits."""
+
+if TORCH:
+    import torch
+
+    from drlsl.lowering.backends import compile_torch
+
+    torch.set_num_threads(1)  # tests run beside each other
+    ARRAY_TIERS["torch"] = compile_torch
 
 Facts = Mapping[tuple[str, int], Sequence[Sequence[Any]]]
 

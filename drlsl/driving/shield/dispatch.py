@@ -87,6 +87,8 @@ def _compiler(name: str) -> Callable[[Lowered], BatchProgram[Any]]:
     if name == "numpy":
         return compile_numpy
     if name == "torch":
+        if find_spec("torch") is None:
+            raise UserError("the torch tier needs PyTorch, which is missing: pip install 'drlsl[train]'")
         from drlsl.lowering.backends import compile_torch
 
         return compile_torch
