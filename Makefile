@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 CORE = .venv-core/$(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 
-.PHONY: train test test-all test-core check clean
+.PHONY: train test test-all test-core check docs clean
 
 train: $(READY)
 	$(BIN)/drlsl train --preset quick
@@ -26,6 +26,10 @@ check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+# The documentation as a site, in build/docs; a warning is an error.
+docs: $(READY)
+	$(BIN)/mkdocs build
 
 clean:
 	rm -rf $(VENV) .venv-core build dist

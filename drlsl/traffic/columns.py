@@ -47,7 +47,8 @@ COMMAS = Layout()
 def read_header(path: Path) -> tuple[str, ...]:
     """The names in the first line of a comma-separated file.
 
-    Raises: UserError where the file cannot be read or is empty.
+    Raises:
+        UserError: the file cannot be read or is empty.
     """
     for _, cells in _lines(path, COMMAS):
         return tuple(cell.strip() for cell in cells)
@@ -57,7 +58,8 @@ def read_header(path: Path) -> tuple[str, ...]:
 def find_columns(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[str, str]:
     """Wanted name -> name in the file, whatever the case.
 
-    Raises: UserError that lists the columns missing.
+    Raises:
+        UserError: columns are missing; the message lists them.
     """
     present = {column.lower(): column for column in header}
     missing = [name for name in wanted if name.lower() not in present]
@@ -70,8 +72,9 @@ def find_columns(path: Path, header: Sequence[str], wanted: Sequence[str]) -> di
 def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS) -> pd.DataFrame:
     """The wanted columns, in float64, or as text where so wanted, under the names given here.
 
-    Raises: UserError where the file is unreadable or lacks a column, or that names the first line and column
-        whose cell is not of the kind wanted.
+    Raises:
+        UserError: the file is unreadable, lacks a column, or has a cell that is not of the kind wanted; the
+            message names the line and column of the first.
     """
     header = layout.names or read_header(path)
     columns = find_columns(path, header, tuple(wanted))

@@ -197,7 +197,8 @@ freeway resembles US-101 in the rush hour: five lanes of 12 ft, 65 mph, traffic 
 def find_preset(name: str) -> Preset:
     """The preset of this name.
 
-    Raises: UserError where there is none.
+    Raises:
+        UserError: there is none.
     """
     if name not in PRESETS:
         raise UserError(f"no preset {name!r}; there are {', '.join(PRESETS)}")
@@ -210,7 +211,8 @@ def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
     The same preset, seed, minutes and version of SUMO give the same rows. A vehicle is recorded while its box
     lies wholly within the stretch. Velocities are differences of successive positions.
 
-    Raises: UserError where SUMO is not installed or the minutes are out of range.
+    Raises:
+        UserError: SUMO is not installed or the minutes are out of range.
     """
     if not 0 < minutes <= LONGEST:
         raise UserError(f"a recording needs more than 0 and at most {LONGEST:g} minutes, not {minutes:g}")
@@ -227,7 +229,8 @@ def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
 def _sumo() -> tuple[ModuleType, Path]:
     """The module libsumo and the path of netconvert.
 
-    Raises: UserError where the extra is not installed.
+    Raises:
+        UserError: the extra is not installed.
     """
     try:
         import libsumo

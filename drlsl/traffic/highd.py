@@ -52,7 +52,8 @@ def load_highd(source: Source) -> Recording:
     Lanes come from the markings, the lane of each row from its centre. The recorded stretch runs from the
     rearmost to the foremost box.
 
-    Raises: UserError where a file is unreadable or inconsistent.
+    Raises:
+        UserError: a file is unreadable or inconsistent.
     """
     tracks_file, vehicles_file, meta_file = source.files
     frame_rate, lanes = _read_meta(meta_file)

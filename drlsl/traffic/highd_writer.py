@@ -46,8 +46,9 @@ class HighdContent:
 def check_folder(folder: Path, *, force: bool) -> None:
     """Whether a recording may be written there, asked before the work of making it.
 
-    Raises: UserError where the folder exists and `force` is not given, or where it holds anything but a
-        recording, which `force` would delete.
+    Raises:
+        UserError: the folder exists and `force` is not given, or it holds anything but a recording, which
+            `force` would delete.
     """
     if not folder.exists():
         return
@@ -65,7 +66,8 @@ def write_highd(
 ) -> Path:
     """Write a folder with one recording, all of it or nothing; files end in .csv, or .csv.xz with `compress`.
 
-    Raises: UserError where the folder exists and `force` is not given, or cannot be written.
+    Raises:
+        UserError: the folder exists and `force` is not given, or cannot be written.
     """
     check_folder(folder, force=force)
     tables = {

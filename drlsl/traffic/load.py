@@ -20,8 +20,8 @@ def load_recording(path: str | Path, *, cache: bool = True) -> Recording:
     `trajectories.csv#us-101`. With `cache`, a copy that loads faster is kept in the cache folder and used
     until the files change.
 
-    Raises: UserError where nothing is found there, or that names file, line and column of what is wrong in
-        it.
+    Raises:
+        UserError: nothing is found there, or what is found is wrong; the message names file, line and column.
     """
     source = find_source(path)
     recording = read_cached(source) if cache else None

@@ -107,8 +107,8 @@ def load_ngsim(source: Source) -> Recording:
     Feet become metres and the front's centre the vehicle's centre. The road is straightened: y is measured
     from the road's own axis, and lanes are fitted to where the vehicles drive (see ngsim_road).
 
-    Raises: UserError where the file is unreadable, or holds several sites or periods and the source chooses
-        none.
+    Raises:
+        UserError: the file is unreadable, or holds several sites or periods and the source chooses none.
     """
     (path,) = source.files
     layout = COMMAS if source.format is Format.NGSIM_CSV else TEXT_LAYOUT

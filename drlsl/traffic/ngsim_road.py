@@ -89,7 +89,8 @@ def fit_lanes(
 ) -> tuple[Lane, ...]:
     """The main lanes, strips that touch; borders lie midway between the medians of neighbours.
 
-    Raises: UserError where two lanes lie too close to be two.
+    Raises:
+        UserError: two lanes lie too close to be two.
     """
     medians = _passages(tracks, lane_ids).groupby("lane")["y"].median().sort_values()
     centres = medians.to_numpy(dtype=np.float64)

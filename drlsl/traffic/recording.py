@@ -151,7 +151,8 @@ class Recording:
     def lane(self, lane_id: int) -> Lane:
         """The lane with this id.
 
-        Raises: UserError where the recording has no such lane.
+        Raises:
+            UserError: the recording has no such lane.
         """
         if not 1 <= lane_id <= len(self.lanes):
             raise UserError(f"{self.name}: no lane {lane_id}; the lanes are 1 to {len(self.lanes)}")
@@ -160,7 +161,8 @@ class Recording:
     def frame(self, index: int) -> Frames:
         """The vehicles present in one frame, arrays of shape (n,).
 
-        Raises: IndexError where index is not in 0 … frame_count - 1.
+        Raises:
+            IndexError: index is not in 0 … frame_count - 1.
         """
         if not 0 <= index < self.frame_count:
             raise IndexError(f"frame {index} of {self.name}, which has frames 0 to {self.frame_count - 1}")
@@ -170,7 +172,8 @@ class Recording:
     def validate(self) -> None:
         """Check every promise made above.
 
-        Raises: UserError that names the recording and the first promise broken.
+        Raises:
+            UserError: a promise is broken; the message names the recording and the first.
         """
         for problem in _problems(self):
             raise UserError(f"{self.name}: {problem}")

@@ -52,7 +52,8 @@ def bundled_recordings() -> tuple[str, ...]:
 def find_source(path: str | Path) -> Source:
     """The recording that a path or the name of a bundled recording means.
 
-    Raises: UserError where there is none, several and none chosen, or the format is unknown.
+    Raises:
+        UserError: there is none, or there are several and none is chosen, or the format is unknown.
     """
     location, part = _locate(path)
     name = location.name if part is None else f"{location.name}#{part}"

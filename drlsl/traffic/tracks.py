@@ -85,7 +85,8 @@ def lanes_of_rows(y: Floats, lanes: Sequence[Lane]) -> LaneIds:
 def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
     """The padded arrays of rows that are sorted, free of duplicates and numbered from frame 0.
 
-    Raises: UserError where the frame numbers would need an absurd amount of memory.
+    Raises:
+        UserError: the frame numbers would need an absurd amount of memory.
     """
     starts = segment_starts(tracks)
     lengths = np.diff(np.append(starts, len(tracks)))

@@ -1,0 +1,23 @@
+"""Show names that are assigned together, as in `A, B = 1, 2`, to Griffe, which passes over them."""
+
+from __future__ import annotations
+
+import ast
+from typing import Any
+
+import griffe
+
+
+class UnpackedNames(griffe.Extension):
+    """Adds an attribute to a module for each name of an assignment to several."""
+
+    def on_module_members(self, *, node: Any, mod: griffe.Module, **_others: Any) -> None:
+        """Add what is missing from a module that was read from its text."""
+        if not isinstance(node, ast.Module):
+            return
+        for statement in node.body:
+            if not (isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Tuple)):
+                continue
+            for target in statement.targets[0].elts:
+                if isinstance(target, ast.Name) and target.id not in mod.members:
+                    mod.set_member(target.id, griffe.Attribute(target.id, lineno=statement.lineno))

@@ -1,0 +1,47 @@
+"""The documentation as a site: no warnings, and a page with every name of every room."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mkdocs", reason="the extra 'docs' is not installed")
+pytest.importorskip("mkdocstrings", reason="the extra 'docs' is not installed")
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    return folder
+
+
+def test_every_name_of_every_room_is_described(site: Path) -> None:
+    pages = {page.stem: page.read_text(encoding="utf-8") for page in site.glob("api/drlsl*.html")}
+    assert {"drlsl", "drlsl.driving", "drlsl.logic", "drlsl.logic.core", "drlsl.learning"} <= pages.keys()
+    for room, page in pages.items():
+        names = {name for name in import_module(room).__all__ if not name.startswith("__")}
+        described = set(re.findall(rf'id="{re.escape(room)}\.(\w+)"', page))
+        assert names <= described, f"{room}: {names - described}"
+
+
+def test_the_first_page_is_the_readme_and_leads_to_the_others(site: Path) -> None:
+    first = (site / "index.html").read_text(encoding="utf-8")
+    assert "Safe reinforcement learning for highway driving" in first
+    assert 'href="verify.html"' in first
+    assert (site / "rules" / "highway.pl").read_bytes() == (ROOT / "rules" / "highway.pl").read_bytes()
