@@ -126,15 +126,14 @@ class Replay:
 
     def _tiers_agree(self, scene: Scene) -> bool:
         """Whether interpreter, generated code and arrays decide alike."""
+        shields = self._driving_shields()
+        if not shields:
+            return True
         try:
-            interpreter = Shield(self._engine)
-        except UserError:
-            return True  # rules that answer only some of what driving asks
-        try:
-            decision = interpreter.decide(scene)
+            decision = shields[0].decide(scene)
         except RuleFailure:
             return True
-        for shield in self._fast_shields():
+        for shield in shields[1:]:
             batch = shield.decide_batch(SceneBatch.of([scene]))
             if batch.failures or tuple(map(int, batch.action_mask[0])) != decision.action_mask:
                 return False
@@ -142,13 +141,18 @@ class Replay:
                 return False
         return True
 
-    def _fast_shields(self) -> Sequence[Shield]:
-        """Shields of the tiers that can run the program, made once: its clauses stay as they are."""
+    def _driving_shields(self) -> Sequence[Shield]:
+        """The interpreter, then the tiers that can run the program; none if it answers only some questions.
+
+        They are made once: the clauses of the program stay as they are.
+        """
         if self._shields is None:
             self._shields = []
-            for tier in _TIERS:
-                with suppress(UserError):  # a program that this tier cannot run
-                    self._shields.append(Shield(self._engine, tier=tier))
+            with suppress(UserError):
+                self._shields.append(Shield(self._engine))
+                for tier in _TIERS:
+                    with suppress(UserError):  # a program that this tier cannot run
+                        self._shields.append(self._shields[0].with_tier(tier))
         return self._shields
 
     # ---------------------------------------------------------------- images
