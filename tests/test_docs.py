@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from scripts.cli_reference import reference
+from tests.installed import needs_torch
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -48,6 +49,7 @@ def test_the_python_of_the_readme_runs() -> None:
         subprocess.run([sys.executable, "-c", block], cwd=ROOT, check=True)
 
 
+@needs_torch
 def test_the_networks_of_the_documentation_are_trained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

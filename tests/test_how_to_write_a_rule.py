@@ -11,6 +11,7 @@ import pytest
 
 from drlsl.cli import run
 from scripts.overtakings import main as overtakings
+from tests.installed import needs_torch
 
 ROOT = Path(__file__).parents[1]
 RULES = ROOT / "rules"
@@ -84,6 +85,7 @@ def test_proofs_are_as_shown(
     assert agrees(answer, given), given
 
 
+@needs_torch
 def test_driving_works_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every command, with a folder of its own and fewer episodes."""
     monkeypatch.chdir(ROOT)

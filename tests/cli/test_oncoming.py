@@ -12,6 +12,7 @@ import pytest
 from drlsl.cli import run
 from drlsl.driving.scene import Action, SceneBatch, load_scene
 from drlsl.driving.shield import Shield, default_rules
+from tests.installed import needs_torch
 
 RULES = default_rules()[0].parent
 PROGRAMS = ["highway.pl", "un_r157.pl", "overtake_left.pl"]
@@ -54,7 +55,7 @@ def asked(capsys: pytest.CaptureFixture[str], state: str, *arguments: str) -> st
     [
         *itertools.product(PROGRAMS, ("interpreter", "scalar", "numpy")),
         ("highway.pl", "numba"),
-        ("highway.pl", "torch"),
+        pytest.param("highway.pl", "torch", marks=needs_torch),
     ],
 )
 def test_every_tier_refuses_the_change_and_brakes(tmp_path: Path, program: str, tier: str) -> None:
