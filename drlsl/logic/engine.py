@@ -28,6 +28,7 @@ from drlsl.logic.core import (
     builtin_indicators,
     callable_parts,
     interpret,
+    run,
     term_variables,
 )
 from drlsl.logic.errors import ExistenceError, existence_error
@@ -460,7 +461,7 @@ class Query:
         alone = self._engine.alone
         try:
             with alone:
-                found = machine.solve(self._task(machine, args))
+                found = machine.solve(self._task(args))
             while found:
                 yield self._solution(args, machine.meter)
                 with alone:
@@ -473,7 +474,7 @@ class Query:
         machine, args = self._start(limits)
         with self._engine.alone:
             try:
-                if machine.solve(self._task(machine, args)):
+                if machine.solve(self._task(args)):
                     return self._solution(args, machine.meter)
                 return None
             finally:
@@ -484,7 +485,7 @@ class Query:
         machine, args = self._start(limits)
         with self._engine.alone:
             try:
-                return machine.solve(self._task(machine, args))
+                return machine.solve(self._task(args))
             finally:
                 machine.close()
 
@@ -498,10 +499,14 @@ class Query:
         with suppress(LimitExceeded):  # which the first call will meet, too
             self._engine.linker.prepare([self._predicate], Meter(_UNLIMITED))
 
-    def _task(self, machine: Machine, args: list[Var]) -> Task:
+    def _task(self, args: list[Var]) -> Task:
         if self._linked != self._engine.linker.relinked:
             self._link()
-        return _ask, self._predicate, args, FOUND
+        code = self._predicate.stored[0].code
+        if code is None or code.guard:
+            return _ask, self._predicate, args, FOUND
+        # There is one clause, and its head is distinct variables: nothing to choose, nothing to unify.
+        return run, code.body, [1, FOUND, *args, *code.blanks]
 
     def _solution(self, args: list[Var], meter: Meter) -> Solution:
         # Of variables that are bound to each other, the first gives its name to all.

@@ -27,8 +27,9 @@ class Limits:
 
     Attributes:
         inferences: calls of predicates; 64 steps of a builtin that walks or makes a large term count as one.
-        seconds: wall-clock time spent searching [s], checked every hundred inferences, and before an
-            operation that cannot be interrupted is begun, by an estimate of how long that will take.
+        seconds: wall-clock time spent searching [s], checked every hundred inferences, or five hundred where
+            they are quick, and before an operation that cannot be interrupted is begun, by an estimate of how
+            long that will take.
         depth: calls waiting for an inner one to end, checked every few thousand inferences.
         trail: bindings that backtracking would have to undo and choice points it could go back to, together.
         memory: by how much the process may grow while the query runs [bytes]. Where the system tells how much
@@ -51,6 +52,13 @@ _CELL_SECONDS: Final = 0.8e-6
 _STEPS_OF_INFERENCE: Final = 64
 # How many inferences are made between two looks at the memory.
 _INFERENCES: Final = 8_000
+# How many are made between two looks at the clock: few at first, and more while they take no longer than this
+# [s] and make nothing large. The solver looks after one more, compiled code after half as many. These numbers
+# are prime, so that a loop is looked at in each of its goals in turn, also in one where it has no choice
+# points and what it left on the trail can be dropped.
+_FEWEST: Final = 106
+_MOST: Final = 502
+_QUICK: Final = 0.002
 # A cell of a list: the pair, its arguments and an element.
 CELL_BYTES: Final = 150
 # Less than this is not worth a look.
@@ -85,19 +93,25 @@ class Meter:
         "_inferences",
         "_is_extended",
         "_left",
+        "_looked",
         "_most",
         "_room",
         "_steps",
         "_unlooked",
         "inferences",
         "limits",
+        "pace",
     )
 
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self.inferences = 0
+        self.pace = _FEWEST  # how many inferences may be made before they are reported
         self._most = limits.inferences
-        self._deadline = None if limits.seconds is None else time.monotonic() + limits.seconds
+        self._deadline: float | None = None
+        if limits.seconds is not None:
+            self._looked = time.monotonic()
+            self._deadline = self._looked + limits.seconds
         self._room = limits.memory
         self._base: int | None = None
         self._is_extended = False
@@ -125,8 +139,14 @@ class Meter:
         """
         self.inferences += inferences
         self._check_inferences()
-        if self._deadline is not None and time.monotonic() > self._deadline:
-            raise self._late()
+        is_quick = True
+        if self._deadline is not None:
+            now = time.monotonic()
+            if now > self._deadline:
+                raise self._late()
+            is_quick = now - self._looked < _QUICK
+            self._looked = now
+        self.pace = min(2 * self.pace, _MOST) if is_quick and self._inferences else _FEWEST
         self._unlooked += inferences
         if self._unlooked >= self._inferences:
             self._unlooked = 0

@@ -119,12 +119,11 @@ def test_every_round_of_a_loop_is_an_inference(compiled: bool, monkeypatch: pyte
 @pytest.mark.parametrize("most", [1, 2, 10, 499, 500, 501, 1_000, 1_001])
 def test_inferences_are_not_overrun_by_much(engine: Engine, most: int) -> None:
     """What is written before the limit stops the search tells how many calls were made."""
-    engine.consult_text(
-        ":- dynamic(n/1). n(0). step :- retract(n(I)), J is I + 1, assertz(n(J)), step.", name="n"
-    )
+    engine.consult_text("step :- nb_getval(n, I), J is I + 1, nb_setval(n, J), step.", name="n")
+    engine.holds("nb_setval(n, 0)")
     with pytest.raises(LimitExceeded):
         engine.holds("step", limits=Limits(inferences=most))
-    made = engine.once("n(X)")
+    made = engine.once("nb_getval(n, X)")
     assert made is not None
     assert isinstance(made["X"], int)
     assert made["X"] <= most + 500
@@ -195,14 +194,13 @@ def test_last_calls_need_memory_for_one_call_only(engine: Engine, goal: str) -> 
     assert peak_of(lambda: engine.holds(goal.format(large))) < 4_000_000
 
 
+@pytest.mark.parametrize("first", ["", "p(1), ", "p(1), p(1), ", "count(1), ", "count(2), "])
 def test_last_calls_after_a_cut_choice_point_need_memory_for_one_call_only(
-    engine: Engine, request: pytest.FixtureRequest
+    engine: Engine, first: str
 ) -> None:
-    if engine.compiled:
-        reason = "each round with once/1 of member/2 keeps its trail entries"
-        request.applymarker(pytest.mark.xfail(strict=True, reason=reason))
+    """Whatever was counted before the loop, which moves the moments at which the trail is looked at."""
     engine.holds("guarded(20000)")
-    assert peak_of(lambda: engine.holds("guarded(40000)")) < 1_500_000
+    assert peak_of(lambda: engine.holds(f"{first}guarded(40000)")) < 1_000_000
 
 
 def test_a_long_loop_runs_within_the_default_limits(engine: Engine) -> None:

@@ -243,10 +243,8 @@ Unary: TypeAlias = Callable[[Any, "Caller"], Number]
 
 
 def _made(value: int, machine: Caller) -> int:
-    """An integer that an operation has made, accounted for if it is large."""
-    bits = value.bit_length()
-    if bits > SMALL_BITS:
-        machine.meter.text(bits >> 3)
+    """A large integer that an operation has made, accounted for."""
+    machine.meter.text(value.bit_length() >> 3)
     return value
 
 
@@ -255,7 +253,8 @@ def _arithmetic(operation: Callable[[Any, Any], Any]) -> Binary:
 
     def apply(left: Number, right: Number, machine: Caller) -> Number:
         if type(left) is int and type(right) is int:
-            return _made(operation(left, right), machine)
+            result: int = operation(left, right)
+            return result if result.bit_length() <= SMALL_BITS else _made(result, machine)
         try:
             return check_float(operation(left, right), left, right)
         except OverflowError:
@@ -266,8 +265,9 @@ def _arithmetic(operation: Callable[[Any, Any], Any]) -> Binary:
 
 def _multiply(left: Number, right: Number, machine: Caller) -> Number:
     if type(left) is int and type(right) is int:
-        if left.bit_length() + right.bit_length() > SMALL_BITS:
-            check_product(left, right, machine.meter)
+        if left.bit_length() + right.bit_length() <= SMALL_BITS:
+            return left * right
+        check_product(left, right, machine.meter)
         return _made(left * right, machine)
     return _multiply_floats(left, right, machine)
 
@@ -282,7 +282,8 @@ def _integers(operation: Callable[[int, int], int], *, is_slow: bool = False) ->
         if type(left) is int and type(right) is int:
             if is_slow and left.bit_length() > SMALL_BITS:
                 check_division(left, right, machine.meter)
-            return _made(operation(left, right), machine)
+            result = operation(left, right)
+            return result if result.bit_length() <= SMALL_BITS else _made(result, machine)
         raise type_error("integer", left if type(left) is not int else right)
 
     return apply

@@ -50,19 +50,17 @@ from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref
 
 if TYPE_CHECKING:
     from drlsl.logic.core.clauses import Clause, Predicate
+    from drlsl.logic.terms import Operators
 
 Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
-_SLICE: Final = 100
 # What an error counts as, since the calls before it do not count.
 _STEPS_OF_ERROR: Final = 200
-# How many tasks the trampoline runs before it looks at the limits, and how often a compiled loop goes round
-# in one.
-_BOUNCES: Final = 50
-# The same in a search for another one: such are short, and what is left of a turn is never counted.
+# How many tasks the trampoline runs at most before it counts them; in a search for another one they are
+# fewer, since such are short, and what is left of a turn is never counted.
+_MOST_BOUNCES: Final = 251
 _BOUNCES_INSIDE: Final = 8
-_ROUNDS: Final = 50
 _COMPACT_TRAIL: Final = 250
 # So much of a goal is copied for its error: more than messages show.
 _GOAL_CELLS: Final = 2_000
@@ -77,6 +75,7 @@ class Machine:
     __slots__ = (
         "_bounces",
         "_depth_at",
+        "_most_bounces",
         "_slice",
         "_trail_at",
         "_unwinding",
@@ -86,16 +85,12 @@ class Machine:
         "evaluations",
         "flags",
         "found",
-        "globals",
         "left",
         "limits",
-        "link",
         "meter",
-        "operators",
         "output",
         "program",
         "rounds",
-        "state",
         "trail",
     )
 
@@ -105,11 +100,7 @@ class Machine:
         self.engine = engine
         self.program = engine.program
         self.flags = engine.flags
-        self.operators = engine.operators
-        self.globals = engine.globals
-        self.state = engine.state
         self.output = engine.output
-        self.link = engine.linker.link
         self.meter = Meter(limits) if meter is None else meter
         self.trail: list[Any] = [self.meter]
         self.choices: list[Choice] = [(exhausted, 1)]
@@ -117,15 +108,27 @@ class Machine:
         self.found = False
         self.evaluations: Any = None  # the tables that are being filled, once there is one
         self.limits = limits
-        self._bounces = _BOUNCES if meter is None else _BOUNCES_INSIDE
+        self._most_bounces = _MOST_BOUNCES if meter is None else _BOUNCES_INSIDE
         self._depth_at = 0
         self._trail_at = _COMPACT_TRAIL
-        self._slice = 0
-        self.left = 0
-        # A loop in compiled code counts as one inference, so where they are limited it goes round once.
-        self.rounds = _ROUNDS if limits.inferences is None else 0
         self._unwinding = False
+        self._slice = self.left = 0
         self._next_slice()
+
+    @property
+    def operators(self) -> Operators:
+        """The operators of the engine."""
+        return self.engine.operators
+
+    @property
+    def globals(self) -> dict[str, Term]:
+        """The global variables of the engine."""
+        return self.engine.globals
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """What the builtins of the engine keep between queries."""
+        return self.engine.state
 
     # ------------------------------------------------------------------ what builtins ask
 
@@ -206,7 +209,7 @@ class Machine:
 
     def call(self, goal: Term, continuation: Task) -> Task:
         """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
-        compiler = BodyCompiler(self.link, None, meter=self.meter)
+        compiler = BodyCompiler(self.engine.linker.link, None, meter=self.meter)
         node = compiler.compile(deref(goal))
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
 
@@ -283,16 +286,27 @@ class Machine:
         self._next_slice()
 
     def rest(self, task: Task) -> Task:
-        """Look at the limits before a task of compiled code goes on."""
-        self.tick(task)
+        """Count the rounds of a compiled loop that has used up its share; the trampoline counts the first."""
+        self.left -= self.rounds - 1
+        if self.left < 0:
+            self.tick(task)
         return task
 
     def _next_slice(self) -> None:
+        pace = self.meter.pace
+        turn = pace >> 1
+        self._bounces = min(turn, self._most_bounces)
         most = self.meter.inferences_left()
-        self._slice = _SLICE if most is None else max(1, min(_SLICE, most))
-        if self.limits.depth is not None:
-            self._slice = max(1, min(self._slice, self.limits.depth))
-        self.left = self._slice
+        if most is None:
+            self.rounds = turn
+        else:
+            # A loop in compiled code counts as one inference, so where they are limited it goes round once.
+            self.rounds = 1
+            pace = max(1, min(pace, most))
+        depth = self.limits.depth
+        if depth is not None and depth < pace:
+            pace = max(1, depth)
+        self._slice = self.left = pace
 
     def _check_trail(self) -> None:
         size = len(self.trail)

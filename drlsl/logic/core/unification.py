@@ -107,7 +107,7 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
         return True
     if type(left) is Struct:
         return type(right) is Struct and _unify_compounds(left, right, trail)
-    if type(left) is not type(right):
+    if type(left) is not type(right) or type(left) is Atom:
         return False
     if type(left) in _WEIGHED and is_large(left):
         return _unify_long([left, right], trail)
@@ -119,8 +119,8 @@ def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
     todo: list[Struct] = []
     steps = _SHORT
     while True:
-        left_args = left.args
-        right_args = right.args
+        left_args: tuple[Any, ...] = left.args
+        right_args: tuple[Any, ...] = right.args
         if left.name != right.name or len(left_args) != len(right_args):
             return False
         steps -= len(left_args)
@@ -141,20 +141,19 @@ def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
                 other = ref
             if one is other:
                 continue
-            if type(one) is Var:
+            kind = type(one)
+            if kind is Var:
                 one.ref = other
                 trail.append(one)
             elif type(other) is Var:
                 other.ref = one
                 trail.append(other)
-            elif type(one) is Struct:
-                if type(other) is not Struct:
-                    return False
+            elif kind is not type(other) or kind is Atom:
+                return False
+            elif kind is Struct:
                 todo.append(one)
                 todo.append(other)
-            elif type(one) is not type(other):
-                return False
-            elif type(one) in _WEIGHED and is_large(one):
+            elif kind in _WEIGHED and is_large(one):
                 return _unify_long([*todo, left, right], trail)
             elif one != other:
                 return False

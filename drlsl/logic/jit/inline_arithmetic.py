@@ -9,7 +9,9 @@ from drlsl.logic.terms import Struct, Term, Var, deref
 
 COMPARISONS = {"=:=": "==", "=\\=": "!=", "<": "<", "=<": "<=", ">": ">", ">=": ">="}
 _COMPARE = {name: comparison(name) for name in COMPARISONS}
-_INLINE = {"+": "+", "-": "-"}
+_INLINE = {"+": "+", "-": "-", "*": "*"}
+# Products of integers below this are made in no time; what is larger is accounted for.
+_LARGEST_FACTOR = 1 << 60
 _DEEPEST = 30
 
 
@@ -57,17 +59,23 @@ def _emit_binary(function: Function, scope: Scope, term: Struct, left: str, righ
     name = function.local("n")
     operation = function.module.namespace.name("B", BINARY[term.name])
     inline = _INLINE.get(term.name)
-    if term.name == "mod" and right.isdigit() and int(right) > 0:
-        inline = "%"
+    if right.isdigit() and int(right) > 0 and term.name in ("mod", "//"):
+        inline = "%" if term.name == "mod" else "//"
     if inline is None:
         function.emit(f"{name} = {operation}({left}, {right}, m)")
         return name
-    unsure = [part for part in dict.fromkeys((left, right)) if not _is_integer(part, scope)]
-    if not unsure:
+    parts = list(dict.fromkeys((left, right)))
+    tests = [f"type({part}) is int" for part in parts if not _is_integer(part, scope)]
+    if inline == "*":
+        bound = _LARGEST_FACTOR
+        tests += [f"-{bound} < {part} < {bound}" for part in parts if not _is_exact(part)]
+    elif inline == "//":
+        tests.append(f"{left} >= 0")  # Python rounds down, where Prolog truncates
+    if not tests:
         function.emit(f"{name} = {left} {inline} {right}")
         scope.integers.add(name)
         return name
-    test = " and ".join(f"type({part}) is int" for part in unsure)
+    test = " and ".join(tests)
     function.emit(f"{name} = {left} {inline} {right} if {test} else {operation}({left}, {right}, m)")
     return name
 
@@ -77,9 +85,11 @@ def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fa
     result = deref(result)
     value = emit_value(function, scope, expression)
     if type(result) is Var and result not in scope.names:
-        name = scope.names[result] = function.local("v")
+        if value.isidentifier():
+            scope.names[result] = scope.numbers[result] = value
+            return
+        name = scope.names[result] = scope.numbers[result] = function.local("v")
         function.emit(f"{name} = {value}")
-        scope.numbers[result] = name
         if _is_integer(value, scope):
             scope.integers.add(name)
         return

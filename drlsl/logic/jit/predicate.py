@@ -21,7 +21,7 @@ from drlsl.logic.core import (
     unify,
 )
 from drlsl.logic.jit.clause_code import BodyEmitter, Place, has_cut
-from drlsl.logic.jit.code_writer import Function, Module, Namespace, Scope
+from drlsl.logic.jit.code_writer import Module, Namespace, Scope
 from drlsl.logic.jit.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
 from drlsl.logic.jit.term_matching import emit_deref, emit_known, emit_match
 from drlsl.logic.terms import Atom, Struct, Var, deref
@@ -79,6 +79,7 @@ class _PredicateCompiler:
         self._function = self._module.function("entry")
         self._holes = open_positions(self._clauses, own)
         self._unbound = unbound
+        self._loops = False  # whether a clause jumps back to the beginning
         # The clauses that are tried one after the other, rather than alone.
         self._chained: set[int] = set()
 
@@ -88,6 +89,7 @@ class _PredicateCompiler:
         function.begin("_", "_", "alts", *self._args, "k")
         for position in self._holes:
             function.emit(f"hole{position} = None")
+        begin = len(function.lines)
         function.emit("while True:")
         function.indent += 1
         if len(self._clauses) == 1:
@@ -96,7 +98,19 @@ class _PredicateCompiler:
             self._switch()
             if self._chained:
                 self._alternatives()
+        function.indent -= 1
+        if self._loops:
+            self._limit_rounds(begin)
         return self._module.load()["entry"]
+
+    def _limit_rounds(self, begin: int) -> None:
+        """Let the loop that begins at a line go round so often, and then back to the trampoline."""
+        function = self._function
+        function.lines[begin : begin + 1] = [(" while rounds:", None), ("  rounds -= 1", None)]
+        function.about(None, None, Scope())
+        for position in self._holes:
+            close_hole(function, position)
+        function.emit(f"return m.rest(({', '.join(['entry, 0, None', *self._args, 'k'])}))")
 
     def _alternatives(self) -> None:
         """Try the clauses of a chain one after the other."""
@@ -220,13 +234,6 @@ class _PredicateCompiler:
                 if position in kept:
                     parts[position] = args[position]
             self._assign(parts)
-            function.emit("rounds -= 1")
-            function.emit("if rounds < 0:")
-            function.indent += 1
-            for position in self._holes:
-                close_hole(function, position)
-            _emit_rest(function, args)
-            function.indent -= 1
             function.emit("continue")
 
         kept = {position for position in self._holes if keeps_open(clause, position, self._emitter.key)}
@@ -257,11 +264,6 @@ class _PredicateCompiler:
         def jump(parts: Sequence[str]) -> None:
             self._assign(parts)
             function.emit("alts = None")
-            function.emit("rounds -= 1")
-            function.emit("if rounds < 0:")
-            function.indent += 1
-            _emit_rest(function, args)
-            function.indent -= 1
             function.emit("break")
 
         may_bind = False
@@ -284,17 +286,11 @@ class _PredicateCompiler:
 
     def _assign(self, parts: Sequence[str]) -> None:
         """Give the arguments their values for the next round, all at once."""
+        self._loops = True
         changed = [(arg, part) for arg, part in zip(self._args, parts, strict=True) if arg != part]
         if changed:
             left, right = ", ".join(arg for arg, _ in changed), ", ".join(part for _, part in changed)
             self._function.emit(f"{left} = {right}")
-
-
-def _emit_rest(function: Function, args: Sequence[str]) -> None:
-    """Emit the end of a loop's share of rounds: back to the trampoline, past the limits if it is time."""
-    function.emit("m.left -= m.rounds")
-    task = f"({', '.join(['entry, 0, None', *args, 'k'])})"
-    function.emit(f"return {task} if m.left > 0 else m.rest({task})")
 
 
 def _voids(clauses: Sequence[Clause]) -> set[Var]:
