@@ -17,6 +17,9 @@ ROAD = road(2, 3, time_step=0.1)
 KEEP, LEFT, RIGHT = (int(action) for action in Action)
 
 
+Steps = list[tuple[Scene, int] | Scene]
+
+
 def scene(lane: int, offset: float, other: int, speeds: tuple[float, float] = (30.0, 20.0)) -> Scene:
     """The ego in a lane, and one vehicle, its centre `offset` ahead, in another; lanes 3 to 5 run right."""
     sign = 1 if lane > 2 else -1
@@ -67,22 +70,36 @@ def test_in_the_other_direction() -> None:
     ],
     ids=["on the left", "after a lane change to the left", "in one lane", "oncoming", "overtaken by it"],
 )
-def test_what_is_no_passing_on_the_right(steps: list[tuple[Scene, int] | Scene]) -> None:
+def test_what_is_no_passing_on_the_right(steps: Steps) -> None:
     assert told(count(*steps)) == (0, 0, 0, 0)
 
 
 def test_without_a_lane_change_it_is_passed_only() -> None:
     assert told(count(scene(5, 1.0, 4), scene(5, -1.0, 4))) == (1, 0, 0, 0)
-    left_again = [scene(4, 20.0, 3), (scene(4, 20.0, 3), RIGHT), (scene(5, 9.0, 3), LEFT)]
+    left_again: Steps = [
+        scene(4, 20.0, 3),
+        (scene(4, 20.0, 3), RIGHT),
+        (scene(5, 9.0, 3), LEFT),
+    ]
     assert told(count(*left_again, scene(4, 1.0, 3), scene(4, -1.0, 3))) == (1, 0, 0, 0)
-    elsewhere = [scene(4, 20.0, 4), (scene(4, 20.0, 4), RIGHT), scene(5, 1.0, 4), scene(5, -1.0, 4)]
+    elsewhere: Steps = [
+        scene(4, 20.0, 4),
+        (scene(4, 20.0, 4), RIGHT),
+        scene(5, 1.0, 4),
+        scene(5, -1.0, 4),
+    ]
     assert told(count(*elsewhere, placed=[3])) == (0, 0, 0, 0)
-    was_behind = [scene(4, -5.0, 4), (scene(4, -5.0, 4), RIGHT), scene(5, 1.0, 4), scene(5, -1.0, 4)]
+    was_behind: Steps = [
+        scene(4, -5.0, 4),
+        (scene(4, -5.0, 4), RIGHT),
+        scene(5, 1.0, 4),
+        scene(5, -1.0, 4),
+    ]
     assert told(count(*was_behind)) == (1, 0, 0, 0)
 
 
 def test_after_more_than_20_s_it_was_not_for_that() -> None:
-    begin: list[tuple[Scene, int] | Scene] = [scene(4, 20.0, 4), (scene(4, 20.0, 4), RIGHT)]
+    begin: Steps = [scene(4, 20.0, 4), (scene(4, 20.0, 4), RIGHT)]
     assert told(count(*begin, *[scene(5, 2.0, 4)] * 198, scene(5, -1.0, 4))) == (1, 1, 1, 1)
     assert told(count(*begin, *[scene(5, 2.0, 4)] * 202, scene(5, -1.0, 4))) == (1, 1, 0, 0)
 
@@ -91,7 +108,12 @@ def test_after_more_than_20_s_it_was_not_for_that() -> None:
     ("speeds", "allowed"), [((21.0, 16.0), True), ((22.5, 16.0), False), ((21.0, 17.0), False)]
 )
 def test_slowly_past_a_slow_one(speeds: tuple[float, float], allowed: bool) -> None:
-    steps = [scene(4, 20.0, 4), (scene(4, 20.0, 4), RIGHT), scene(5, 1.0, 4), scene(5, -1.0, 4, speeds)]
+    steps: Steps = [
+        scene(4, 20.0, 4),
+        (scene(4, 20.0, 4), RIGHT),
+        scene(5, 1.0, 4),
+        scene(5, -1.0, 4, speeds),
+    ]
     assert told(count(*steps)) == (1, 1, 1, 0 if allowed else 1)
 
 

@@ -63,7 +63,7 @@ def drive(env: Any, steps: int, seed: int) -> list[Any]:
 
 
 def single(kind: str, tier: str = "numpy") -> HighwayEnv:
-    return HighwayEnv(EnvConfig(recording="highway-test", tier=tier, track_length=300.0, **KINDS[kind]))  # type: ignore[arg-type]
+    return HighwayEnv(EnvConfig(recording="highway-test", tier=tier, track_length=300.0, **KINDS[kind]))
 
 
 def vector(kind: str, mode: AutoresetMode) -> HighwayVectorEnv:
@@ -117,7 +117,7 @@ def test_what_infos_share_cannot_be_written_to_in_a_copy_either(way: str) -> Non
 
 @pytest.mark.parametrize("way", WAYS)
 def test_environments_made_by_gymnasium_go_on_alike(way: str) -> None:
-    settings = {"recording": "highway-test", "tier": "numpy"}
+    settings: dict[str, Any] = {"recording": "highway-test", "tier": "numpy"}
     made = gymnasium.make("drlsl/Highway-v0", max_episode_steps=500, **settings)
     assert_goes_on_alike(gymnasium.wrappers.RecordEpisodeStatistics(made), WAYS[way], 15)
     assert_goes_on_alike(gymnasium.make_vec("drlsl/Highway-v0", num_envs=2, **settings), WAYS[way], 15)

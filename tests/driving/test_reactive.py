@@ -32,7 +32,7 @@ def creeping(speed: float, lane: int) -> Shield:
 
 
 def world(made: Recording, shield: Shield, traffic: str, direction: str = "left_to_right") -> World:
-    config = EnvConfig(recording="by-hand", direction=direction, traffic=traffic, track_length=300.0)  # type: ignore[arg-type]  # test values
+    config = EnvConfig(recording="by-hand", direction=direction, traffic=traffic, track_length=300.0)
     one = World(config, [in_direction(playbacks_of([made], config.radar_range), config)], shield)
     # An episode that begins in the first frames of the recording.
     seed = next(seed for seed in range(10_000) if begin(seed, made.frame_count) < 5)
@@ -270,7 +270,7 @@ def test_freeway_followers_no_longer_strike_the_ego() -> None:
     shield, made = Shield.default(tier="auto"), load_recording("freeway")
     counts = {}
     for traffic in ("recorded", "reactive"):
-        config = EnvConfig(recording="freeway", traffic=traffic)  # type: ignore[arg-type]  # test values
+        config = EnvConfig(recording="freeway", traffic=traffic)
         *_, report = stress(config, [made], shield, ["random"], episodes=24, seed=0)
         counts[traffic] = report.total
     assert counts["recorded"].contacts_not_at_fault > 20

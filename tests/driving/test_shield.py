@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,10 +127,11 @@ def test_only_the_failing_scene_of_a_batch_takes_the_fail_safe(tier: str) -> Non
 def test_a_number_that_is_none_is_never_overlooked(tier: str, field: str, who: str) -> None:
     other = Vehicle("v0", 2, 40.0, 7.25, 20.0, 0.0, 4.6, 1.9)
     ego = SCENE.ego
+    wrong: dict[str, Any] = {field: math.nan}
     if who == "ego":
-        ego = ego._replace(**{field: math.nan})
+        ego = ego._replace(**wrong)
     else:
-        other = other._replace(**{field: math.nan})
+        other = other._replace(**wrong)
     scene = Scene(SCENE.road, ego, (other,), 2)
     tested = SHIELDS["highway.pl", tier]
     with pytest.raises(RuleFailure):

@@ -29,7 +29,7 @@ def run_stress(
     made: Recording, shield: Shield, policies: list[str], episodes: int, egos: int = 8, **settings: object
 ) -> StressReport:
     report = StressReport()
-    config = EnvConfig(recording="by-hand", **settings)  # type: ignore[arg-type]  # test values
+    config = EnvConfig(recording="by-hand", **settings)
     for report in stress(config, [made], shield, policies, episodes=episodes, seed=1, egos=egos):  # noqa: B007
         pass
     return report

@@ -25,7 +25,7 @@ def shield() -> Shield:
 
 
 def world(shield: Shield, made: Recording, direction: str = "left_to_right", **settings: object) -> World:
-    config = EnvConfig(recording="by-hand", direction=direction, **settings)  # type: ignore[arg-type]  # test values
+    config = EnvConfig(recording="by-hand", direction=direction, **settings)
     return World(config, [in_direction(playbacks_of([made], config.radar_range), config)], shield)
 
 

@@ -17,7 +17,7 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
     """The ego drives 25 m a step past cars that stand still; a change takes one step."""
 
     observation_space = gymnasium.spaces.Box(0.0, 1.0, (10,), np.float32)
-    action_space = gymnasium.spaces.Discrete(3)
+    action_space: gymnasium.spaces.Space[Any] = gymnasium.spaces.Discrete(3)
 
     def __init__(self, track_length: float = 840.0) -> None:
         self._length = track_length
@@ -106,18 +106,24 @@ class FakeVector(SyncVectorEnv):
         makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [lambda env=env: env for env in envs]  # type: ignore[misc]
         super().__init__(makers, autoreset_mode=AutoresetMode.DISABLED)
 
+    def reset(self, *, seed: Any = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        return super().reset(seed=seed, options=options)
+
     def get_state(self) -> dict[str, Any]:
-        states = [env.unwrapped.get_state() for env in self.envs]
+        states = [env.get_state() for env in self._inner()]
         return {"envs": states, "over": self._autoreset_envs.copy(), "seen": self._observations.copy()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        for env, one in zip(self.envs, state["envs"], strict=True):
-            env.unwrapped.set_state(one)
+        for env, one in zip(self._inner(), state["envs"], strict=True):
+            env.set_state(one)
         self._autoreset_envs = state["over"].copy()
         self._env_obs = list(state["seen"])
 
     def action_masks(self) -> NDArray[np.bool_]:
-        return np.array([env.unwrapped.action_masks() for env in self.envs])
+        return np.array([env.action_masks() for env in self._inner()])
+
+    def _inner(self) -> list[Any]:
+        return [env.unwrapped for env in self.envs]
 
 
 def fakes(count: int, track_length: float = 840.0) -> FakeVector:

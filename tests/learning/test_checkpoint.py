@@ -24,7 +24,12 @@ def test_a_state_comes_back(tmp_path: Path) -> None:
 
 
 def test_arrays_come_back_of_the_same_kind_and_stand_alone(tmp_path: Path) -> None:
-    arrays = [np.arange(3), np.array([[True, False]]), np.linspace(0, 1, 4), np.float32([1.5])]
+    arrays: list[Any] = [
+        np.arange(3),
+        np.array([[True, False]]),
+        np.linspace(0, 1, 4),
+        np.array([1.5], np.float32),
+    ]
     state = {"arrays": tuple(arrays), "big": 2**127, "nested": {"list": [arrays[0], "text", None]}}
     save_state(tmp_path / "state.pt", "checkpoint", as_tensors(state))
     arrays[0][:] = 9

@@ -128,7 +128,7 @@ def test_files_of_before_are_read_with_a_warning(root: Path, caplog: pytest.LogC
         state = torch.load(path, weights_only=True)
         state.pop("metrics", None)
         torch.save({**state, "format": checkpoint.FORMAT_WITHOUT_CHECKSUM}, path)
-        assert dict(flat(load_state(path, kind))).keys() == dict(flat(state)).keys()  # type: ignore[arg-type]
+        assert dict(flat(load_state(path, kind))).keys() == dict(flat(state)).keys()
         assert f"{path}: written before files had a checksum" in caplog.text
     path = root / "config.yaml"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))

@@ -1,5 +1,6 @@
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -37,7 +38,7 @@ def trained(config: TrainConfig) -> Trainer:
     return Trainer(fakes(config.num_envs), config)
 
 
-class Recorder(gymnasium.Wrapper):  # type: ignore[type-arg]  # its four parameters say nothing here
+class Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Notes each action with the mask it was chosen under, and each seed."""
 
     def __init__(self, env: FakeHighway) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -675,7 +676,8 @@ def test_a_goal_is_read_with_the_operators_of_the_program() -> None:
     engine = Engine()
     engine.consult_text(":- op(700, xfx, nearer).")
     read = engine.read_goal("A nearer B")
-    assert (read.term.name, len(read.term.args), list(read.variables)) == ("nearer", 2, ["A", "B"])
+    goal: Any = read.term
+    assert (goal.name, len(goal.args), list(read.variables)) == ("nearer", 2, ["A", "B"])
     with pytest.raises(PrologSyntaxError):
         Engine().read_goal("A nearer B")
 

@@ -6,6 +6,7 @@ import itertools
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -243,13 +244,13 @@ _BLOCKS = st.recursive(
 )
 
 
-def _program(blocks: list[object], numbers: itertools.count[int]) -> str:
+def _program(blocks: list[Any], numbers: itertools.count[int]) -> str:
     lines = []
     for block in blocks:
         if isinstance(block, str):
             lines.append(f"p({next(numbers)}).")
             continue
-        condition, body, others, last = block  # type: ignore[misc]  # a tuple of the strategy
+        condition, body, others, last = block
         lines += [f":- if({condition}).", _program(body, numbers)]
         for other, inner in others:
             lines += [f":- elif({other}).", _program(inner, numbers)]
@@ -259,14 +260,14 @@ def _program(blocks: list[object], numbers: itertools.count[int]) -> str:
     return "\n".join(lines)
 
 
-def _expected(blocks: list[object], numbers: itertools.count[int], *, taken: bool) -> list[int]:
+def _expected(blocks: list[Any], numbers: itertools.count[int], *, taken: bool) -> list[int]:
     found: list[int] = []
     for block in blocks:
         if isinstance(block, str):
             number = next(numbers)
             found += [number] * taken
             continue
-        condition, body, others, last = block  # type: ignore[misc]  # a tuple of the strategy
+        condition, body, others, last = block
         open_ = taken
         for holds, inner in [(condition, body), *others, ("true", last or [])]:
             found += _expected(inner, numbers, taken=open_ and holds == "true")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -83,8 +84,9 @@ def test_spans_and_places_of_goals() -> None:
     first, second = read_terms(text, Operators(), Flags(), "rules.pl")
     assert (first.span.line, first.span.column, str(first.span)) == (2, 1, "rules.pl:2")
     assert (second.span.line, second.span.end_line, second.span.end_column) == (4, 9, 6)
-    body = second.term.args[1]  # type: ignore[union-attr]
-    places = [second.place(second.term, 1), second.place(body, 1)]
+    clause: Any = second.term
+    body = clause.args[1]
+    places = [second.place(clause, 1), second.place(body, 1)]
     inner = body.args[1]
     condition = inner.args[0]
     places += [second.place(inner, 1), second.place(condition, 0), second.place(condition.args[1], 0)]

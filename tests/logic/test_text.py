@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from itertools import combinations_with_replacement
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -242,7 +243,7 @@ def test_with_output_to_is_deterministic() -> None:
 def test_terms_and_characters_are_read_from_the_input() -> None:
     engine = _engine()
     engine.state["input"] = Input(io.StringIO("foo(X, Y, X).\n% comment\nbar. rest\n'a b'."))
-    found = engine.once("read_term(T, [variable_names(N), singletons(S), variables(V)])")
+    found: Any = engine.once("read_term(T, [variable_names(N), singletons(S), variables(V)])")
     assert found is not None
     assert [str(pair) for pair in found["S"]] == ["=(Y, Y)"] or len(found["S"]) == 1
     assert len(found["V"]) == len(found["N"]) == 2

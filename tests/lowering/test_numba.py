@@ -177,6 +177,7 @@ def test_facts_out_of_bounds_leave_one_scene_undecided(
 ) -> None:
     given = arrays([crowd(5), crowd(5), crowd(5)])
     column = given[key].columns[place]
+    assert column is not None
     column[(1, 1) if column.ndim == 2 else 1] = value
     result = machine_code()(given)
     assert result.undecided.tolist() == [False, True, False]
@@ -194,13 +195,16 @@ def test_what_is_not_there_may_hold_anything() -> None:
     given = arrays([crowd(5), crowd(2)])
     wanted = machine_code()(given)
     for column in given[VEHICLE].columns[1:]:
+        assert column is not None
         column[1, 3:] = np.nan if column.dtype == np.float64 else -(2**63)
     assert_same(machine_code()(given), wanted)
 
 
 def test_keys_that_are_not_unique_and_an_ego_that_is_not_there() -> None:
     given = arrays([crowd(3), crowd(3), crowd(3)])
-    given[LANES].columns[0][0, 1] = given[LANES].columns[0][0, 0]
+    lanes = given[LANES].columns[0]
+    assert lanes is not None
+    lanes[0, 1] = lanes[0, 0]
     given[VEHICLE].valid[2, 0] = False
     result = machine_code()(given)
     assert result.undecided.tolist() == [True, False, True]
@@ -221,7 +225,7 @@ def test_sizes_of_batches(count: int) -> None:
 
 def part(rows: Rows, scenes: slice) -> Rows:
     return Rows(
-        [column[scenes] for column in rows.columns], None if rows.valid is None else rows.valid[scenes]
+        [column if column is None else column[scenes] for column in rows.columns], None if rows.valid is None else rows.valid[scenes]
     )
 
 
