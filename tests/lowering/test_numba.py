@@ -224,9 +224,8 @@ def test_sizes_of_batches(count: int) -> None:
 
 
 def part(rows: Rows, scenes: slice) -> Rows:
-    return Rows(
-        [column if column is None else column[scenes] for column in rows.columns], None if rows.valid is None else rows.valid[scenes]
-    )
+    columns = [column if column is None else column[scenes] for column in rows.columns]
+    return Rows(columns, None if rows.valid is None else rows.valid[scenes])
 
 
 def changed(rows: Rows, change: Callable[[Any], Any]) -> Rows:
