@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.installed import TORCH
 
-NEEDS_TORCH = ["learning", "study", "lowering/test_torch.py", "test_overtakings.py"]
+NEEDS_TORCH = ["learning", "study", "lowering/test_torch.py"]
 
 collect_ignore = [] if TORCH else NEEDS_TORCH
 
 
-def pytest_report_header() -> list[str]:
-    """Say what is left out."""
-    return [] if TORCH else [f"PyTorch is not installed; left out: {', '.join(NEEDS_TORCH)}"]
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was left out."""
+    if not TORCH:
+        terminalreporter.write_line(f"PyTorch is not installed; left out: {', '.join(NEEDS_TORCH)}")
