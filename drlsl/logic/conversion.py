@@ -79,6 +79,10 @@ class Solution(Mapping[str, Value]):
     def __len__(self) -> int:
         return len(self._values)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether the other is a mapping of the same names to equal values."""
+        return super().__eq__(other)
+
     def __repr__(self) -> str:
         return f"Solution({', '.join(f'{name}={value!r}' for name, value in self._values.items())})"
 

@@ -6,7 +6,7 @@ import copy
 import io
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -368,7 +368,7 @@ class Engine:
         term = to_term(goal)
         return Query(self, term, {variable.name: variable for variable in term_variables(term)})
 
-    def query(self, goal: Goal, *, limits: Limits | None = None) -> Iterator[Solution]:
+    def query(self, goal: Goal, *, limits: Limits | None = None) -> Generator[Solution, None, None]:
         """The solutions of a goal, each sought when it is asked for; the iterator may be dropped early.
 
         Raises:
@@ -455,7 +455,7 @@ class Query:
         variables = {name: table.put(one) for name, one in zip(self._names, self._variables, strict=True)}
         return _query, (self._engine, table.items, goal, variables)
 
-    def solutions(self, limits: Limits | None = None) -> Iterator[Solution]:
+    def solutions(self, limits: Limits | None = None) -> Generator[Solution, None, None]:
         """The solutions, one by one."""
         machine, args = self._start(limits)
         alone = self._engine.alone
