@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,7 @@ from drlsl.cli import run
 from drlsl.driving.scene import load_scene, scene_json
 from drlsl.driving.shield import default_rules
 
-needs_z3 = pytest.mark.skipif(
-    drlsl.cli.what_if.find_spec("z3") is None, reason="what-ifs need z3-solver, the extra verify"
-)
+needs_z3 = pytest.mark.skipif(find_spec("z3") is None, reason="what-ifs need z3-solver, the extra verify")
 
 RULES = default_rules()[0].parent
 SCENE = str(RULES.parent / "examples" / "scene.json")
@@ -112,13 +111,10 @@ def test_changed_scenes_decide_otherwise(capsys: pytest.CaptureFixture[str], tmp
 def altered(tmp_path: Path, **changes: tuple[float, float, float]) -> str:
     """The example with vehicles at another x, y and vx."""
     scene = load_scene(SCENE)
-    cars = [
-        car._replace(**dict(zip(("x", "y", "vx"), changes[car.id], strict=True)), lane=0)
-        if car.id in changes
-        else car
-        for car in scene.vehicles
-    ]
-    cars = [car._replace(lane=scene.road.lane_at(car.y)) for car in cars]
+    cars = []
+    for car in scene.vehicles:
+        x, y, vx = changes.get(car.id, (car.x, car.y, car.vx))
+        cars.append(car._replace(lane=scene.road.lane_at(y), x=x, y=y, vx=vx))
     path = tmp_path / "scene.json"
     path.write_text(scene_json(type(scene)(scene.road, scene.ego, tuple(cars), scene.target_lane)))
     return str(path)

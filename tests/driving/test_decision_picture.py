@@ -7,10 +7,12 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 from drlsl.driving.explain import Objection, draw_decision, draw_scene, objections, speed_reason
 from drlsl.driving.explain.decision_picture import GO_COLOUR, LEADER_COLOUR, MOST_ROWS, dimension
@@ -71,12 +73,12 @@ def lines(figure: Figure, colour: str) -> list[tuple[list[float], list[float]]]:
     """Dimension lines of a colour, without their ticks."""
     (axes,) = figure.axes
     return [
-        (list(line.get_xdata()), list(line.get_ydata()))
+        (np.asarray(line.get_xdata()).tolist(), np.asarray(line.get_ydata()).tolist())
         for line in axes.lines
         if same_color(line.get_color(), colour)
         and line.get_zorder() == 6
         and line.get_linestyle() == "-"
-        and len(line.get_xdata()) == 2
+        and np.size(line.get_xdata()) == 2
     ]
 
 
@@ -164,7 +166,7 @@ def arrows(figure: Figure) -> list[tuple[str, str, tuple[float, float]]]:
     found = []
     for text in axes.texts:
         patch = getattr(text, "arrow_patch", None)
-        if patch is not None and text.get_zorder() == 5:
+        if isinstance(text, Annotation) and patch is not None and text.get_zorder() == 5:
             found.append((patch.get_edgecolor(), patch.get_linestyle(), text.xy))
     return found
 

@@ -31,7 +31,8 @@ def egos() -> tuple[Egos, Courses]:
 
 
 def lanes_of(egos: Egos) -> list[int]:
-    return egos.at.target_lane.tolist()
+    lanes: list[int] = egos.at.target_lane.tolist()
+    return lanes
 
 
 def test_targets_are_what_steering_takes_up(egos: tuple[Egos, Courses]) -> None:

@@ -17,7 +17,7 @@ LENGTH, WIDTH = 4.6, 1.9
 
 def track(s: float, speed: float, y: float | np.ndarray, steps: int) -> Track:
     """A vehicle at constant speed that ends at `s`."""
-    times = (np.arange(steps) - (steps - 1)) * DT
+    times = (np.arange(steps, dtype=np.float64) - (steps - 1)) * DT
     return Track(
         s + speed * times, np.broadcast_to(y, steps).astype(float), np.full(steps, speed), LENGTH, WIDTH
     )

@@ -88,7 +88,7 @@ def test_it_is_what_a_plain_reading_says(seed: int, vehicles: int, horizon: floa
 def test_the_predicted_way_is_nearly_the_driven_one(change: float) -> None:
     control, dt = LaneController.for_egos(1), np.array([0.04])
     y, vy, target = np.array([10.0]), np.zeros(1), np.array([10.0 + change])
-    times = np.arange(1, 101) * 0.04
+    times = np.arange(1, 101, dtype=np.float64) * 0.04
     driven = []
     for _ in times:
         y, vy = move(y, vy, control.acceleration(y, vy, target, dt), dt)

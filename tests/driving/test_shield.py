@@ -220,11 +220,9 @@ def test_facts_are_replaced_between_scenes() -> None:
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_numbers_of_other_types_are_the_same_scene(program: str) -> None:
     exact = replace(SCENE, vehicles=(Vehicle("van", 2, 40.0, 7.0, 25.0, 0.0, 5.0, 2.0),))
-    loose = replace(
-        exact,
-        ego=SCENE.ego._replace(lane=np.int64(2), x=0, vx=np.float32(30)),
-        vehicles=(Vehicle("van", np.int8(2), 40, 7, np.int64(25), 0, 5, 2),),
-    )
+    ego: dict[str, Any] = {"lane": np.int64(2), "x": 0, "vx": np.float32(30)}
+    van: tuple[Any, ...] = ("van", np.int8(2), 40, 7, np.int64(25), 0, 5, 2)
+    loose = replace(exact, ego=SCENE.ego._replace(**ego), vehicles=(Vehicle(*van),))
     for tier in TIERS:
         asked = SHIELDS[program, tier]
         assert asked.decide(loose) == asked.decide(exact)

@@ -141,7 +141,8 @@ def test_an_adversary_chooses_the_least_margin_among_what_is_offered() -> None:
         decisions.action_mask[:, 0] |= ~decisions.action_mask.any(axis=1)
 
         def targets(self) -> np.ndarray:
-            return self.seen.y[:, :1] + np.array([0.0, -3.75, 3.75])
+            centres: np.ndarray = self.seen.y[:, :1] + np.array([0.0, -3.75, 3.75])
+            return centres
 
     world = World()
     chosen = POLICIES["adversarial"](world, np.zeros((40, 3)))  # type: ignore[arg-type]  # all it asks for

@@ -91,7 +91,8 @@ def test_it_is_the_environment_n_times(shield: Shield, mode: AutoresetMode, sett
     makers = [lambda config=config: HighwayEnv(config, shield=shield) for config in configs]
     theirs = SyncVectorEnv(makers, autoreset_mode=mode)
     rng = np.random.default_rng(4)
-    mine, other = ours.reset(seed=9), theirs.reset(seed=9)
+    mine: tuple[Any, ...] = ours.reset(seed=9)
+    other: tuple[Any, ...] = theirs.reset(seed=9)
     ended = 0
     for _ in range(STEPS):
         for left, right in zip(mine[:-1], other[:-1], strict=True):
@@ -145,7 +146,9 @@ def test_a_world_goes_on_from_its_state(shield: Shield, settings: dict[str, Any]
     assert np.array_equal(first.action_masks(), second.action_masks())
     assert all(first.world.scene(ego) == second.world.scene(ego) for ego in range(len(CONFIGS)))
     for step in actions[STEPS:]:
-        for left, right in zip(first.step(step), second.step(step), strict=True):
+        ours: tuple[Any, ...] = first.step(step)
+        theirs: tuple[Any, ...] = second.step(step)
+        for left, right in zip(ours, theirs, strict=True):
             if isinstance(left, dict):
                 same(left, right)
             else:

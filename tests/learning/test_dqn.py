@@ -8,8 +8,11 @@ from hypothesis import strategies as st
 
 from drlsl.learning import greedy_choice
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, make_config
-from drlsl.learning.dqn import DivergedError, DqnAgent, td_loss, td_targets
+from drlsl.learning.divergence import DivergedError
+from drlsl.learning.dqn import DqnAgent, td_loss, td_targets
 from drlsl.learning.replay import Batch
+
+from .layers import linear_layers, plain
 
 SIZE, ACTIONS = 4, 3
 
@@ -153,24 +156,24 @@ def test_an_observation_that_is_not_finite_is_an_error(epsilon: float) -> None:
 
 def test_q_values_that_are_not_finite_are_an_error() -> None:
     learner = agent()
-    learner.network.parameters.fill_(torch.nan)
+    plain(learner.network).parameters.fill_(torch.nan)
     with pytest.raises(DivergedError, match="Q-values"):
         learner.act(np.zeros((1, SIZE), np.float32), masks(1, True, True, True), 1.0)
 
 
 def test_a_loss_that_is_not_finite_leaves_the_weights() -> None:
     learner = agent()
-    before = learner.network.parameters.clone()
+    before = plain(learner.network).parameters.clone()
     batch = random_batch(0)
     with pytest.raises(DivergedError, match="loss is inf at update 1"):
         learner.update(batch._replace(rewards=torch.full_like(batch.rewards, 1e30)))
-    assert torch.equal(learner.network.parameters, before)
+    assert torch.equal(plain(learner.network).parameters, before)
 
 
 def largest_change(learner: DqnAgent, batch: Batch) -> float:
-    before = learner.network.parameters.clone()
+    before = plain(learner.network).parameters.clone()
     learner.update(batch)
-    return float((learner.network.parameters - before).abs().max())
+    return float((plain(learner.network).parameters - before).abs().max())
 
 
 @pytest.mark.parametrize("rate", [1e-2, 1e-3, 1e-4])
@@ -213,7 +216,7 @@ def test_an_update_agrees_with_autograd_and_plain_adam(bootstrap: Bootstrap) -> 
         assert learner.update(batch) == pytest.approx(loss.item(), rel=1e-4)
         if step % 3 == 2:
             frozen = copy.deepcopy(network)
-    for mine, reference in zip(learner.network.layers, network[::2], strict=True):
+    for mine, reference in zip(plain(learner.network).layers, linear_layers(network), strict=True):
         torch.testing.assert_close(mine.weight.t(), reference.weight.detach(), rtol=1e-4, atol=1e-5)
         torch.testing.assert_close(mine.bias, reference.bias.detach(), rtol=1e-4, atol=1e-5)
 
@@ -221,11 +224,11 @@ def test_an_update_agrees_with_autograd_and_plain_adam(bootstrap: Bootstrap) -> 
 def plain_network(learner: DqnAgent) -> torch.nn.Sequential:
     """The agent's network from PyTorch's own modules."""
     nn = torch.nn
-    plain = nn.Sequential(nn.Linear(SIZE, 8), nn.ReLU(), nn.Linear(8, 8), nn.ReLU(), nn.Linear(8, ACTIONS))
-    for module, layer in zip(plain[::2], learner.network.layers, strict=True):
+    made = nn.Sequential(nn.Linear(SIZE, 8), nn.ReLU(), nn.Linear(8, 8), nn.ReLU(), nn.Linear(8, ACTIONS))
+    for module, layer in zip(linear_layers(made), plain(learner.network).layers, strict=True):
         module.weight.data.copy_(layer.weight.t())
         module.bias.data.copy_(layer.bias)
-    return plain
+    return made
 
 
 def test_the_target_network_is_copied_every_so_many_updates() -> None:
@@ -253,8 +256,8 @@ def test_a_state_carries_over() -> None:
 
 
 def test_equal_seeds_give_equal_weights() -> None:
-    assert torch.equal(agent(seed=3).network.parameters, agent(seed=3).network.parameters)
-    assert not torch.equal(agent(seed=3).network.parameters, agent(seed=4).network.parameters)
+    assert torch.equal(plain(agent(seed=3).network).parameters, plain(agent(seed=3).network).parameters)
+    assert not torch.equal(plain(agent(seed=3).network).parameters, plain(agent(seed=4).network).parameters)
 
 
 def test_layers_are_drawn_within_pytorchs_bounds() -> None:
@@ -268,8 +271,8 @@ def test_layers_are_drawn_within_pytorchs_bounds() -> None:
         generator=torch.Generator().manual_seed(0),
         device=torch.device("cpu"),
     )
-    assert learner.network.sizes == (10, 256, 256, 3)
-    for weight, bias in learner.network.layers:
+    assert plain(learner.network).sizes == (10, 256, 256, 3)
+    for weight, bias in plain(learner.network).layers:
         bound = weight.shape[0] ** -0.5
         assert 0.9 * bound < weight.abs().max().item() <= bound
         assert 0.0 < bias.abs().max().item() <= bound
@@ -291,4 +294,4 @@ def test_a_gpu_learns_the_same() -> None:
     )
     restored = agent(seed=9)
     restored.set_state(there.get_state())
-    assert torch.equal(restored.network.parameters, there.network.parameters.cpu())
+    assert torch.equal(plain(restored.network).parameters, plain(there.network).parameters.cpu())

@@ -8,7 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from drlsl.learning.network import SPREAD, Layer, NoisyQNetwork, Policy, QNetwork
+from drlsl.learning.architectures import SPREAD
+from drlsl.learning.network import Layer, NoisyQNetwork, Policy, QNetwork
+
+from .layers import linear_layers
 
 CPU = torch.device("cpu")
 
@@ -23,7 +26,7 @@ def reference(source: QNetwork) -> nn.Sequential:
     for inputs, outputs in itertools.pairwise(source.sizes):
         layers += [nn.Linear(inputs, outputs), nn.ReLU()]
     plain = nn.Sequential(*layers[:-1])
-    for module, stored in zip(plain[::2], source.layers, strict=True):
+    for module, stored in zip(linear_layers(plain), source.layers, strict=True):
         module.weight.data.copy_(stored.weight.t())
         module.bias.data.copy_(stored.bias)
     return plain
@@ -58,7 +61,7 @@ def test_the_gradient_is_autograds(sizes: list[int], rows: int, seed: int) -> No
     values.backward(slopes)
     torch.testing.assert_close(outputs[-1], values.detach())
     assert source.gradient.isfinite().all()
-    for mine, module in zip(layers_of(source, source.gradient), plain[::2], strict=True):
+    for mine, module in zip(layers_of(source, source.gradient), linear_layers(plain), strict=True):
         torch.testing.assert_close(mine.weight.t(), module.weight.grad, rtol=1e-5, atol=1e-6)
         torch.testing.assert_close(mine.bias, module.bias.grad, rtol=1e-5, atol=1e-6)
 
@@ -78,7 +81,7 @@ def test_a_state_is_that_of_pytorchs_layers(sizes: list[int]) -> None:
     source, other = network(0, sizes), network(1, sizes)
     state = source.get_state()
     plain = reference(source)
-    for index, module in enumerate(plain[::2]):
+    for index, module in enumerate(linear_layers(plain)):
         torch.testing.assert_close(state[f"layers.{index}.weight"], module.weight.detach(), rtol=0, atol=0)
     other.set_state(state)
     assert torch.equal(other.parameters, source.parameters)

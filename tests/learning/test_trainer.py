@@ -18,6 +18,7 @@ from drlsl.learning.trainer import EpisodeEvent, resolve_device
 
 from .conftest import small_config
 from .fake import LANES, FakeHighway, FakeVector, fakes
+from .layers import plain
 
 
 def changed(config: TrainConfig, **values: object) -> TrainConfig:
@@ -81,7 +82,7 @@ def test_plain_dqn_leaves_the_mask(tiny_config: TrainConfig) -> None:
 def test_every_step_is_counted_and_learnt_from_once(tiny_config: TrainConfig, num_envs: int) -> None:
     trainer = trained(changed(tiny_config, num_envs=num_envs))
     driven = 0
-    finished = []
+    finished: list[EpisodeEvent] = []
     for event in trainer.run():
         taken = event.total_steps - driven
         driven = event.total_steps
@@ -131,8 +132,8 @@ def test_interventions_are_steps_whose_best_action_is_not_safe(tiny_config: Trai
     envs = [Recorder(FakeHighway()) for _ in range(2)]
     config = changed(tiny_config, method=method, num_envs=2, episodes=2, learning=starts)
     trainer = Trainer(FakeVector(*envs), config)
-    trainer.agent.network.parameters.zero_()
-    trainer.agent.network.layers[-1].bias[2] = 1.0
+    plain(trainer.agent.network).parameters.zero_()
+    plain(trainer.agent.network).layers[-1].bias[2] = 1.0
     for event in episodes(trainer):
         env = envs[event.episode - 1]
         masks = [mask for _, mask in env.choices[: event.summary.steps]]
@@ -191,8 +192,8 @@ def test_a_state_between_two_steps_goes_on_bit_for_bit(num_envs: int, stop_after
     ended = [comparable(episode) for event in events for episode in event.ended]
     again = [comparable(episode) for event in rest for episode in event.ended]
     assert again == ended[len(ended) - len(again) :]
-    assert torch.equal(whole.agent.network.parameters, resumed.agent.network.parameters)
-    assert torch.equal(whole.agent.network.parameters, stopped.agent.network.parameters)
+    assert torch.equal(plain(whole.agent.network).parameters, plain(resumed.agent.network).parameters)
+    assert torch.equal(plain(whole.agent.network).parameters, plain(stopped.agent.network).parameters)
 
 
 def test_rules_that_changed_since_the_checkpoint_are_noticed(tiny_config: TrainConfig) -> None:
@@ -209,7 +210,7 @@ def test_an_environment_that_resets_itself_is_refused(tiny_config: TrainConfig) 
         Trainer(env, tiny_config)  # type: ignore[arg-type]  # the point of the test
 
 
-class Corridor(gymnasium.Env[np.ndarray, int]):
+class Corridor(gymnasium.Env[np.ndarray, np.int64]):
     """Six cells, a reward of 1 at the right end; "keep" stays, "left" and "right" move. At most 30 steps."""
 
     observation_space = gymnasium.spaces.Box(0.0, 1.0, (6,), np.float32)
@@ -220,7 +221,7 @@ class Corridor(gymnasium.Env[np.ndarray, int]):
         self._cell, self._steps = 0, 0
         return self._seen(), {"action_mask": np.ones(3, np.int8)}
 
-    def step(self, action):  # type: ignore[no-untyped-def]
+    def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         self._cell = int(np.clip(self._cell + (0, -1, 1)[action], 0, 5))
         self._steps += 1
         won = self._cell == 5
@@ -238,7 +239,8 @@ class Corridor(gymnasium.Env[np.ndarray, int]):
         return self._seen(), float(won), won, self._steps >= 30, info
 
     def _seen(self) -> np.ndarray:
-        return np.eye(6, dtype=np.float32)[self._cell]
+        seen: np.ndarray = np.eye(6, dtype=np.float32)[self._cell]
+        return seen
 
 
 @pytest.mark.parametrize("num_envs", [1, 4])
@@ -263,7 +265,7 @@ def test_it_learns_the_values_of_a_small_world(tiny_config: TrainConfig, num_env
 class Levers(Corridor):
     """Each of the six cells pays 1 for one action; the next cell is drawn. 30 steps."""
 
-    def step(self, action):  # type: ignore[no-untyped-def]
+    def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         paid = float(action == self._cell % 3)
         *_, info = super().step(action)
         self._cell = int(self.np_random.integers(6))
@@ -333,7 +335,7 @@ class Diary(FakeHighway):
         self._last, info = super().reset(seed=seed, options=options)
         return self._last, info
 
-    def step(self, action):  # type: ignore[no-untyped-def]
+    def step(self, action: int) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = super().step(action)
         mask = info["action_mask"].astype(np.bool_)
         self.seen.append((self._last, action, reward, observation, terminated, mask))

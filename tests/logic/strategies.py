@@ -28,7 +28,7 @@ _STRANGE = [
 ]
 _TRICKY = _PLAIN.split() + _STRANGE
 
-characters = st.characters(exclude_categories=("Cs",))
+characters = st.characters(exclude_categories=["Cs"])
 names = st.sampled_from(_TRICKY) | st.text(characters, max_size=4)
 numbers = st.integers() | st.floats(allow_nan=False) | st.sampled_from([0, 1, -1, 0.0, -0.0, 1e22, 5e-324])
 

@@ -26,7 +26,7 @@ from tests.lowering import programs
 from tests.lowering.plain import compile_plain
 from tests.lowering.test_lower import engine_of
 from tests.lowering.test_rules import PROGRAMS, engine, facts
-from tests.lowering.tiers import Facts, array_value, ask, expected_value, to_rows
+from tests.lowering.tiers import Facts, array_value, ask, columns_of, expected_value, to_rows
 from tests.scenes import road, scenes
 
 pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
@@ -205,7 +205,9 @@ def test_keys_that_are_not_unique_and_an_ego_that_is_not_there() -> None:
     lanes = given[LANES].columns[0]
     assert lanes is not None
     lanes[0, 1] = lanes[0, 0]
-    given[VEHICLE].valid[2, 0] = False
+    valid = given[VEHICLE].valid
+    assert valid is not None
+    valid[2, 0] = False
     result = machine_code()(given)
     assert result.undecided.tolist() == [True, False, True]
     assert_same(result, compile_numpy(lowered("highway.pl"))(given))
@@ -260,16 +262,15 @@ def test_shared_rows_masks_left_out_and_columns_that_are_not_read() -> None:
     given = arrays([crowd(4), crowd(4, spread=9.0), crowd(4, spread=1.0)])
     wanted = machine_code()(given)
     shared = {
-        key: Rows([c[:1] for c in given[key].columns])
+        key: Rows([c[:1] for c in columns_of(given[key])])
         for key in given
         if key not in (VEHICLE, ("target_lane", 1))
     }
     vehicles = Rows([None, *given[VEHICLE].columns[1:]])
     assert_same(machine_code()({**given, **shared, VEHICLE: vehicles}), wanted)
     one = {key: part(rows, slice(1, 2)) for key, rows in given.items()}
-    mixed = Rows(
-        [*given[VEHICLE].columns[:2], *(c[:1] for c in given[VEHICLE].columns[2:])], given[VEHICLE].valid
-    )
+    columns = columns_of(given[VEHICLE])
+    mixed = Rows([*columns[:2], *(c[:1] for c in columns[2:])], given[VEHICLE].valid)
     wide = Rows([None if c is None else np.broadcast_to(c, (3, 5)) for c in mixed.columns], mixed.valid)
     assert_same(machine_code()({**given, VEHICLE: mixed}), machine_code()({**given, VEHICLE: wide}))
     assert machine_code()(one).undecided.shape == (1,)
@@ -332,7 +333,7 @@ def test_a_bound_program_reads_its_arrays_anew() -> None:
     before = bound()
     assert_same(before, machine_code()(given))
     assert before.answers[1].value.tolist() == machine_code()(given).answers[1].value.tolist()
-    given[VEHICLE].columns[2][...] = 500.0
+    columns_of(given[VEHICLE])[2][...] = 500.0
     after = bound()
     assert after is before
     assert after.answers[1].value.all()

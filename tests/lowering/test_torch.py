@@ -27,7 +27,7 @@ from drlsl.lowering.frontend import Lowered, Query, lower
 from drlsl.lowering.ir import FLOAT32_BOUND, INT_BOUND, NotLowerable, Relation, Schema
 from tests.lowering import programs
 from tests.lowering.test_lower import engine_of
-from tests.lowering.tiers import Program, to_rows
+from tests.lowering.tiers import Program, columns_of, to_rows
 
 RULES = Path(__file__).parents[2] / "rules"
 CPU = torch.device("cpu")
@@ -96,12 +96,10 @@ def test_the_bits_are_those_of_numpy(program: str, dtype: Precision, device: str
     scenes = mixed_scenes(257)
     facts = rows_of(ours, scenes)
     assert_same(ours(facts), theirs(facts))
-    alone = {
-        key: Rows([column[:1] for column in rows.columns], rows.valid[:1]) for key, rows in facts.items()
-    }
+    alone = changed(facts, lambda array: array[:1])
     assert_same(ours(alone), theirs(alone))
     roads = {key: rows for key, rows in alone.items() if key != ("vehicle", 8)}
-    none = {**facts, **roads, ("vehicle", 8): Rows([c[:0] for c in facts["vehicle", 8].columns], None)}
+    none = {**facts, **roads, ("vehicle", 8): Rows([c[:0] for c in columns_of(facts["vehicle", 8])])}
     for result in (ours(none), theirs(none)):
         assert result.undecided.shape == (0,)
         assert [tuple(answer.value.shape) for answer in result.answers] == [(0, 3), (0,), (0,), (0, 10)]
@@ -143,12 +141,12 @@ def test_tensors_on_the_device_are_not_copied(device: str) -> None:
     program = compile_torch(lowered("highway.pl"), device=device)
     facts = changed(rows_of(program, mixed_scenes(5)), lambda array: torch.tensor(array, device=device))
     given = facts["vehicle", 8]
-    before = [column.clone() for column in given.columns if column is not None]
+    before = [column.clone() for column in columns_of(given)]
     table = program.table("vehicle", 8, given)
-    assert table.column(2).data_ptr() == given.columns[2].data_ptr()  # type: ignore[union-attr]  # not None
+    assert table.column(2).data_ptr() == columns_of(given)[2].data_ptr()
     assert table.valid.data_ptr() == given.valid.data_ptr()  # type: ignore[union-attr]  # not None
     program({**facts, ("vehicle", 8): table})
-    assert all(map(torch.equal, before, given.columns))
+    assert all(map(torch.equal, before, columns_of(given)))
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -157,7 +155,7 @@ def test_scenes_that_share_tables_by_an_index(device: str) -> None:
     ours, theirs = compile_torch(code, device=device), compile_numpy(code)
     facts = rows_of(ours, mixed_scenes(4))
     lanes = facts["road_lane", 5]
-    columns = [np.concatenate([column[:1], column[:1] + 1]) for column in lanes.columns]
+    columns = [np.concatenate([column[:1], column[:1] + 1]) for column in columns_of(lanes)]
     for index in (np.array([1, 0, 1, 1]), torch.tensor([1, 0, 1, 1], device=device)):
         given = {**facts, ("road_lane", 5): Rows(columns, None, index)}
         apart = {**facts, ("road_lane", 5): Rows([column[[1, 0, 1, 1]] for column in columns])}
@@ -259,7 +257,7 @@ def assert_never_waits(code: Lowered) -> None:
         shape = (8,) if relation.single else (8, 5)
         columns = [torch.empty(shape, dtype=KINDS[kind], device=device) for kind in relation.columns]
         facts[key] = Rows(columns, torch.empty(shape, dtype=torch.bool, device=device))
-    with NothingFromTheHost():
+    with NothingFromTheHost():  # type: ignore[no-untyped-call]  # PyTorch's own __init__
         result = program(facts)
     assert result.undecided.shape == (8,)
     assert {answer.value.device.type for answer in result.answers} == {"meta"}

@@ -99,6 +99,13 @@ def _many(relation: Relation, scenes: Sequence[Sequence[Sequence[Any]]], code: A
     return Rows(columns, valid)
 
 
+def columns_of(rows: Rows) -> list[Any]:
+    """The columns of rows that leave none out."""
+    columns = [column for column in rows.columns if column is not None]
+    assert len(columns) == len(rows.columns)
+    return columns
+
+
 class Tiers:
     """One query of a program in all tiers; `arrays` is empty where its answer has no form as an array."""
 

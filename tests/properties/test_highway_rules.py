@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.driving.scene import Scene
+from drlsl.driving.scene import Scene, Vehicle
 from drlsl.driving.shield import Shield
 from tests.properties.oracle import SECTIONS, Oracle, critical_distance
 from tests.scenes import scenes
@@ -106,7 +106,7 @@ def test_an_action_is_offered_exactly_when_nothing_speaks_against_it(shield: Shi
 def mirrored(scene: Scene) -> Scene:
     """The scene turned by half a turn: every direction, place and velocity the other way."""
 
-    def turned(car):  # type: ignore[no-untyped-def]
+    def turned(car: Vehicle) -> Vehicle:
         return car._replace(x=-car.x, y=-car.y, vx=-car.vx, vy=-car.vy)
 
     from dataclasses import replace

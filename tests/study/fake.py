@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from drlsl.study.tasks import SHIELDS, Stop
 PAUSE = "PAUSE_S"
 """Environment variable: how long an episode takes."""
 
-INPUTS = {"command": "drlsl study", "digests": {"rules/highway.pl": "abc"}}
+INPUTS: dict[str, Any] = {"command": "drlsl study", "digests": {"rules/highway.pl": "abc"}}
 
 
 def study(seeds: int = 2, methods: int = 2, episodes: int = 12) -> StudyConfig:

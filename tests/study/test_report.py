@@ -12,7 +12,7 @@ from drlsl.study import StudyFolder, write_report
 from drlsl.study.claims import Claim, agreement, claims
 from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
-from drlsl.study.render import Paragraph, markdown, page
+from drlsl.study.render import Block, Paragraph, markdown, page
 from drlsl.study.result_tables import (
     Table,
     contacts,
@@ -133,7 +133,7 @@ def test_estimates_use_a_result_a_seed(folder: StudyFolder, results: Results) ->
     frame = estimates(results, "off").frame.set_index(["test", "method"])
     found = episodes_of(folder, "m1", "freeway", "off").groupby("seed")["lane_changes"].mean().sort_values()
     assert frame.loc[("freeway", "m1"), "lane_changes"] == pytest.approx(found.iloc[1:3].mean())
-    assert pd.isna(frame.loc[("all tests", "m1"), "return"])
+    assert frame["return"].isna().loc[("all tests", "m1")]
     assert list(convergence(results).frame["seeds"]) == [4, 4, 4]
 
 
@@ -170,8 +170,8 @@ def test_a_seed_that_never_converges_counts_as_the_latest(results: Results) -> N
     assert sooner.holds
     assert sooner.evidence.endswith("by seed 4, 4, never, 4 to never, never, never, never")
     shown = convergence(found).shown.set_index("method")
-    assert shown.loc["Method 1", ["converged", "median"]].tolist() == ["3 of 4", "4"]
-    assert shown.loc["Method 0", ["converged", "median"]].tolist() == ["0 of 4", "never"]
+    assert list(shown.loc["Method 1", ["converged", "median"]]) == ["3 of 4", "4"]
+    assert list(shown.loc["Method 0", ["converged", "median"]]) == ["0 of 4", "never"]
     half = (trained["method"] == "m1") & (trained["seed"] > 0)
     trained["return"] = trained["return"].where(~half, trained["episode"])
     assert not next(
@@ -270,7 +270,11 @@ def test_markdown_and_html_have_the_same_cells(folder: StudyFolder) -> None:
 
 def test_text_is_escaped() -> None:
     frame = pd.DataFrame({"a|b": ["<x>", "1 | 2"]})
-    blocks = [Paragraph("a < b & c"), Paragraph("<pre>", code=True), Table("t", "T <1>", frame, frame)]
+    blocks: list[Block] = [
+        Paragraph("a < b & c"),
+        Paragraph("<pre>", code=True),
+        Table("t", "T <1>", frame, frame),
+    ]
     shown = page("<title>", blocks)
     assert "&lt;x&gt;" in shown
     assert "a &lt; b &amp; c" in shown

@@ -178,7 +178,8 @@ def test_what_is_made_is_a_sound_recording(content: HighdContent, tmp_path: Path
     recording = load_recording(write_highd(content, tmp_path / "out", compress=True))
     report = recording_report(recording)
     assert recording.frame_count == 120
-    assert recording.dropped == recording.notes == ()
+    assert recording.dropped == ()
+    assert recording.notes == ()
     assert report.overlaps == 0
     assert {lane.direction.sign for lane in recording.lanes} == {-1, 1}
     for lane in recording.lanes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -88,7 +89,7 @@ def broken(name: str, where: Any, value: Any) -> Recording:
     return replace(recording, frames=replace(recording.frames, **{name: array}))
 
 
-FAULTS = {
+FAULTS: dict[str, tuple[Callable[[], Recording], str]] = {
     "frame rate": (lambda: replace(make(), frame_rate=0.0), "frame rate 0.0"),
     "stretch": (lambda: replace(make(), x_max=0.0), "stretch of road"),
     "no lanes": (lambda: replace(make(), lanes=()), "no lane"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -124,7 +125,7 @@ def test_several_files_of_properties_stand_side_by_side(tmp_path: Path) -> None:
     path.write_text("property(mine, b). violates(mine) :- fail. range(length, 1, 18).", encoding="utf-8")
     book = load([], [path, default_properties()])
     assert [one.name for one in book.properties][:2] == ["mine", "lane_exists"]
-    assert book.ranges["length"] == (1, 18)
+    assert book.ranges["length"] == (Fraction(1), Fraction(18))
     assert not book.engine.warnings
 
 

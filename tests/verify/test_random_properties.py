@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.driving.scene import EGO, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import EGO, Facts, Scene, Vehicle, road_facts, scene_facts
 from drlsl.lowering.backends import compile_scalar
 from drlsl.lowering.frontend import lower
 from drlsl.lowering.ir import NotLowerable, Undecided
@@ -64,7 +64,7 @@ def test_enough_vehicles_are_enough(seed: int, tmp_path: Path) -> None:
     scalar = compile_scalar(lowered)
 
     def broken(scene: Scene) -> bool:
-        facts = {**road_facts(scene.road), **scene_facts(scene), ("focus", 1): [("none",)]}
+        facts: Facts = {**road_facts(scene.road), **scene_facts(scene), ("focus", 1): [("none",)]}
         try:
             return bool(scalar(facts)[0])
         except Undecided:

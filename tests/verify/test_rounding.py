@@ -118,10 +118,10 @@ def combined(op: str, *args: Number) -> Number:
             return one
         return Number(mpmath.sqrt(one.exact), math.sqrt(one.double), square_root(one.claimed)).check()
     claimed = rounding.apply(op, one.claimed)
-    double = FUNCTIONS[op](one.double)
-    if claimed == rounding.ANY or math.isnan(double):
+    value = FUNCTIONS[op](one.double)
+    if claimed == rounding.ANY or math.isnan(value):
         return one
-    return Number(getattr(mpmath, op)(one.exact), double, claimed).check()
+    return Number(getattr(mpmath, op)(one.exact), value, claimed).check()
 
 
 NAMES = [*BINARY, *UNARY, "div", "sqrt", "div", "sqrt"]

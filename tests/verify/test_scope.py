@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.driving.scene import SCHEMA, Scene, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Facts, Scene, road_facts, scene_facts
 from drlsl.logic import Engine
 from drlsl.lowering.backends import compile_scalar
 from drlsl.lowering.frontend import Query, lower
@@ -77,6 +77,6 @@ SCALAR = compile_scalar(LOWERED)
 def test_no_property_of_the_default_rules_is_broken(scene: Scene) -> None:
     """Every scene is a test of the properties, those with more vehicles than are enough too."""
     focus = next((car.id for car in scene.in_range()), "none")
-    facts = {**road_facts(scene.road), **scene_facts(scene), ("focus", 1): [(focus,)]}
+    facts: Facts = {**road_facts(scene.road), **scene_facts(scene), ("focus", 1): [(focus,)]}
     broken = [one.name for one, wrong in zip(BOOK.properties, SCALAR(facts), strict=True) if wrong]
     assert broken == []

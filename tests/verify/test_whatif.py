@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
@@ -304,7 +305,8 @@ def check_confirmed(scene: Scene, answer: Answer, finding: Finding, name: str) -
     for change in finding.changes:
         one = again[change.vehicle]
         assert getattr(one, change.quantity) == change.before
-        again[one.id] = one._replace(**{change.quantity: change.after})
+        value: dict[str, Any] = {change.quantity: change.after}
+        again[one.id] = one._replace(**value)
         assert change.out_of_sight == (one.id not in {"ego", *(car.id for car in finding.scene.in_range())})
     assert [finding.scene.ego, *finding.scene.vehicles] == list(again.values())
     assert finding.least is not None
