@@ -78,6 +78,8 @@ FAILURES = {
     "short observation": {"state": "state([0, 1])."},
     "observation out of range": {"state": "state([0, 0, 0, 0, 0, 0, 0, 0, 0.5, 1.5])."},
     "observation of atoms": {"state": "state([a, 0, 0, 0, 0, 0, 0, 0, 0.5, 1])."},
+    "speed beyond any float": {"longitudinal_velocity": "longitudinal_velocity(V) :- V is 10 ^ 400."},
+    "observation beyond any float": {"state": "state([0, 0, 0, 0, 0, 0, 0, 0, X, 1]) :- X is 10 ^ 400."},
     "endless": {"safe_actions": "safe_actions(X) :- safe_actions(X)."},
 }
 
@@ -286,3 +288,18 @@ def test_a_question_may_have_a_limit_of_seconds() -> None:
         Shield(engine, seconds=0.05).entry_is_safe(SCENE)
     assert Shield(engine).limits == LIMITS
     assert LIMITS.seconds is None
+
+
+def test_shields_of_two_tiers_on_one_engine_tell_each_other_of_the_road() -> None:
+    first = Shield.default()
+    second = first.with_tier("scalar")
+    assert (first.tier, second.tier) == ("interpreter", "scalar")
+    slow = replace(SCENE, road=replace(SCENE.road, time_step=0.2))
+    expected = [Shield.default().decide(scene) for scene in (SCENE, slow)]
+    assert expected[0] != expected[1]
+    for _ in range(2):
+        assert first.decide(SCENE) == expected[0]
+        assert second.decide(slow) == expected[1]
+        assert first.decide(SCENE) == expected[0]
+    with pytest.raises(UserError, match="the scalar tier cannot run these rules"):
+        shield(safe_actions="safe_actions(X) :- nb_getval(offer, X).").with_tier("scalar")
