@@ -1,4 +1,4 @@
-"""`drlsl bench`: how fast the parts are, each beside what it competes with, measured in one run."""
+"""`drlsl bench`: measure the speed of each part beside its competitors, all in one run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def engine(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the logic engine in inferences per second and ten programs, beside swipl where it is there."""
+    """Measure the logic engine in inferences per second and on ten programs, beside swipl if installed."""
     from drlsl.errors import UserError
 
     if programs is not None:
@@ -93,7 +93,7 @@ def _compare_programs(folder: Path, runs: int, *, as_json: bool) -> None:
 
 @app.command()
 def env(runs: Runs = 5, as_json: AsJson = False) -> None:
-    """Measure environment steps a second, alone and side by side, beside highway-env where it is there."""
+    """Measure environment steps a second, alone and side by side, beside highway-env if installed."""
     from drlsl.benchmarks import VEHICLES, env_speeds
 
     speeds = env_speeds(runs)
@@ -109,7 +109,7 @@ def env(runs: Runs = 5, as_json: AsJson = False) -> None:
 
 @app.command()
 def rules(runs: Runs = 5, as_json: AsJson = False) -> None:
-    """Measure the rules in every tier, for one scene and for a batch, beside swipl where it is there."""
+    """Measure the rules in every tier, for one scene and for a batch, beside swipl if installed."""
     from drlsl.benchmarks import rule_speeds
 
     speeds = rule_speeds(runs)
@@ -131,11 +131,11 @@ def train(
     num_envs: Annotated[int, typer.Option(min=1, help="Environments driven in step.")] = 16,
     as_json: AsJson = False,
 ) -> None:
-    """Measure training in updates a second, beside its bare updates and Stable-Baselines3 where it is there.
+    """Measure training in updates a second, beside its bare updates and Stable-Baselines3 if installed.
 
-    There is one update per step. A training is measured with all that belongs to it: environments, rules,
-    acting, replay memory. The bare update has its minibatch ready; it is also made with the same network
-    as a plain PyTorch module.
+    There is one update per step. Training is measured as a whole: environments, rules, acting and replay
+    memory. The bare update has its minibatch ready; it is also measured with the same network as a plain
+    PyTorch module.
     """
     from drlsl.benchmarks import training_speeds
 
@@ -166,9 +166,9 @@ def compare(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure two checkouts in turn: how fast NEW is in times of OLD, with the interval of the median.
+    """Measure two checkouts in turn: the speed of NEW relative to OLD, with the interval of the median.
 
-    Numbers that only one of them has are left out. All parts with nine pairs take about a quarter of an hour.
+    Numbers that only one of them reports are left out. All parts with nine pairs take about 15 minutes.
     """
     from drlsl.benchmarks import MEASUREMENTS, compare_checkouts
     from drlsl.errors import UserError

@@ -37,7 +37,8 @@ def evaluate(
         int | None, typer.Option(min=1, help="Episodes; default: evaluation.episodes of the run.")
     ] = None,
     shield: Annotated[
-        Literal["on", "off", "both"], typer.Option(help="Offer safe actions alone, all of them, or try both.")
+        Literal["on", "off", "both"],
+        typer.Option(help="Offer only safe actions, or all of them, or compare both."),
     ] = "both",
     recording: Annotated[
         str | None, typer.Option(help="Recording to drive in; default: that of the training.")
@@ -60,8 +61,8 @@ def evaluate(
 ) -> None:
     """Drive greedily with a trained policy and count what happens.
 
-    The same episodes are driven with the shield on and off. Interventions are steps in which the action of
-    highest value was not one the rules derive to be safe. The run's evaluation.json keeps the result too.
+    The same episodes are driven with the shield on and off. An intervention is a step in which the rules did
+    not derive the action of highest value to be safe. The result is also kept in the run's evaluation.json.
     """
     from rich.console import Console
 
@@ -119,7 +120,7 @@ def evaluate_run(
 
 
 def evaluation_table(records: Sequence[Mapping[str, Any]]) -> Table:
-    """The totals of evaluations in the same place as a table, one column for each."""
+    """Return the totals of evaluations in the same place as a table, one column for each."""
     from rich.table import Table
     from rich.text import Text
 

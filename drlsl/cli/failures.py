@@ -1,4 +1,4 @@
-"""Rules that give no usable answer, as commands report it."""
+"""The errors of rules that give no usable answer, as commands report them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def failures_as_errors(*, what: str = "") -> Iterator[None]:
-    """What rules without a usable answer raise, as one line for people."""
+    """Turn an error of rules without a usable answer into a `UserError` of one line."""
     from drlsl.driving.shield import LIMITS, RuleFailure
     from drlsl.errors import UserError
     from drlsl.logic import LimitExceeded

@@ -23,7 +23,7 @@ def query(
     ],
     actions: Annotated[
         list[str] | None,
-        typer.Argument(metavar="ACTION...", help="What --what-if is asked about; default: every action."),
+        typer.Argument(metavar="ACTION...", help="Actions that --what-if examines; default: every action."),
     ] = None,
     rules: Annotated[
         list[Path] | None,
@@ -136,7 +136,7 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
 
 
 def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
-    """Proofs and why-not of the actions and the target speed, each after what it comes to."""
+    """Print proofs and why-not of the actions and the target speed, each below its outcome."""
     from drlsl.driving.explain import objections_to, speed_reason
     from drlsl.driving.scene import Action
     from drlsl.driving.shield import LIMITS
@@ -214,7 +214,7 @@ def _report(
     unsafe: dict[Any, list[Objection]],
     sections: dict[str, BusySection | None],
 ) -> Iterator[str]:
-    """The lines that a person reads."""
+    """Yield the lines of text output."""
     ego = scene.ego
     seen = len(scene.in_range())
     yield f"ego in lane {ego.lane} at {abs(ego.vx):.1f} m/s, {seen} vehicle{'s' * (seen != 1)} in range"

@@ -1,4 +1,4 @@
-"""`drlsl rules`: what a rule program is made of, before it drives."""
+"""`drlsl rules`: check, test and verify a rule program before it drives."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Tier(StrEnum):
 
 @app.command()
 def check(files: Files = None) -> None:
-    """Say which tiers can run each predicate, and what looks wrong; the status is 1 where something does."""
+    """Report which tiers can run each predicate, and every finding; exit status 1 if there is one."""
     from drlsl.driving.scene import SCHEMA
     from drlsl.driving.shield import ASKED
     from drlsl.lowering import check_program
@@ -60,17 +60,17 @@ def _print_report(report: Report) -> None:
             print(f"  {predicate.indicator}  {predicate.refused}")
     notes = list(_notes(lowered))
     if notes:
-        print("\nrun in every tier as a part of other answers, but cannot be asked for everywhere")
+        print("\nrun in every tier inside other predicates, but not in every tier as a query of their own")
         print("\n".join(notes))
     if report.doubts:
-        print("\nleft to the interpreter, which is slower, where this happens or a fact is beyond 1e15")
+        print("\nanswered by the slower interpreter if one of these happens or a fact exceeds 1e15")
         for query, doubts in report.doubts.items():
             print(f"  {query}")
             print("\n".join(f"    {doubt}" for doubt in doubts))
     if report.uncalled:
-        print("\nno rule calls these, and driving does not ask for them")
+        print("\ncalled by no rule, and no query of driving")
         _print_wrapped(report.uncalled)
-    print(f"\n{len(report.findings)} findings" if report.findings else "\nnothing looks wrong")
+    print(f"\n{len(report.findings)} findings" if report.findings else "\nno findings")
     for finding in report.findings:
         print(f"  {'error' if finding.error else 'warning'}  {finding}")
 
@@ -103,7 +103,7 @@ def show(
         ),
     ] = None,
 ) -> None:
-    """Print the code that a rule program becomes."""
+    """Print the code that a rule program is compiled to."""
     from drlsl.driving.scene import SCHEMA
     from drlsl.driving.shield import ASKED, ENTRY, query_of
     from drlsl.errors import UserError
@@ -136,7 +136,7 @@ def _source(tier: Tier, lowered: Lowered) -> str:
 
 @app.command()
 def shell(files: Files = None) -> None:
-    """Ask a rule program questions: goals, explanations, loading again what was changed."""
+    """Answer queries of a rule program, explain them, and reload changed files."""
     from drlsl.cli.shell import run_shell
     from drlsl.driving.shield import default_rules, rule_file, rules_folder
 

@@ -1,4 +1,4 @@
-"""`drlsl rules test`: tables of scenes, what of the rules they cover, and which mutants they notice."""
+"""`drlsl rules test`: run tables of scenes, measure what they cover, and test them with mutants."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def run_tables(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes that --mutate uses.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Run tables of scenes with expected answers on the interpreter and on what the rules are compiled to.
+    """Run tables of scenes with expected answers on the interpreter and on the compiled tiers.
 
-    --coverage and --mutate are about the files given and what they include, not what they are on top of.
-    The status is 1 where an answer is wrong, a clause is not reached (--coverage), or a mutant survives
+    --coverage and --mutate examine the given files and those they include, but not the rules they build on.
+    The exit status is 1 if an answer is wrong, a clause is not reached (--coverage), or a mutant survives
     without a reason in NAME.mutants.yaml (--mutate).
     """
     from rich.console import Console
@@ -102,7 +102,7 @@ def _report(
     if mutants is not None:
         yield from _mutation_report(mutants)
     if skipped:
-        yield "no mutants: the program has to pass its tables first"
+        yield "no mutants: the program must pass its tables first"
 
 
 def _coverage_report(reached: Coverage) -> Iterator[str]:
@@ -133,7 +133,7 @@ def _mutation_report(mutants: Score) -> Iterator[str]:
 
 def _witness_lines(witness: Witness | None) -> Iterator[str]:
     if witness is None:
-        yield "  no scene was found that tells it from the rules"
+        yield "  no scene was found in which it differs from the rules"
     else:
         yield f"  this row would notice it: {witness.row}"
         yield f"  {witness.goal}: {witness.rules}; with the slip {witness.mutant}"
@@ -169,5 +169,5 @@ def _survivor_as_json(mutants: Score, verdict: Verdict) -> dict[str, Any]:
 
 
 def _near(place: object) -> str:
-    """A place with its path seen from the working folder, where it lies below it."""
+    """Return a place with its path relative to the working folder, if it lies below it."""
     return str(place).replace(f"{Path.cwd()}/", "")

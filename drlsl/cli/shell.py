@@ -1,4 +1,4 @@
-"""`drlsl rules shell`: a top level to ask a rule program questions."""
+"""`drlsl rules shell`: an interactive top level for querying a rule program."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Type a goal and a full stop, such as  member(X, [1, 2, 3]).  Then ; asks for the
 
 
 def run_shell(files: Sequence[str | Path] = (), search: Sequence[Path] = ()) -> int:
-    """Load files and answer questions until the end of the input; returns the exit status.
+    """Load files and answer queries until the end of the input; return the exit status.
 
     Files that others name are looked for beside them, then in the folders of `search`.
     """
@@ -36,7 +36,7 @@ def run_shell(files: Sequence[str | Path] = (), search: Sequence[Path] = ()) -> 
 
 
 class Shell:
-    """A top level over one engine, with what it reads lines and keys from."""
+    """A top level over one engine, with its sources of lines and keys."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class Shell:
         self._files: list[Path] = []
 
     def run(self, files: Sequence[str | Path]) -> int:
-        """Load files, then ask and answer; returns the status that halt/1 gave, else 0."""
+        """Load files, then answer queries; return the status that halt/1 gave, else 0."""
         for file in files:
             self.load(Path(file))
         print("Type help. for help.")
@@ -75,7 +75,7 @@ class Shell:
                 print(error)
 
     def load(self, path: Path) -> None:
-        """Load a file, or say what is wrong with it."""
+        """Load a file, or print its error."""
         warned = len(self.engine.warnings)
         try:
             self.engine.consult(path, self._search)
@@ -93,7 +93,7 @@ class Shell:
         print(f"{path} loaded.")
 
     def _read_goal(self) -> str:
-        """Lines up to the full stop that ends a goal."""
+        """Read lines up to the full stop that ends a goal."""
         text = self._read_line(_PROMPT)
         while text.strip() and not is_complete(text + "\n", self.engine.flags):
             text += "\n" + self._read_line(_CONTINUE)
@@ -120,7 +120,7 @@ class Shell:
             self._solve(read)
 
     def _solve(self, read: ReadTerm) -> None:
-        """Print one solution after the other for as long as more are asked for."""
+        """Print one solution after the other, for as long as the user asks for more."""
         machine = Machine(self.engine, Limits())
         try:
             found = machine.solve(machine.call(read.term, FOUND))
@@ -139,7 +139,7 @@ class Shell:
             machine.close()
 
     def _solution(self, variables: dict[str, Var]) -> str:
-        """The bindings of the variables, those that share a value on one line."""
+        """Return the bindings of the variables, those that share a value on one line."""
         free: dict[int, str] = {}
         for name, variable in variables.items():
             target = deref(variable)
@@ -170,7 +170,7 @@ class Shell:
 
 
 def _files_to_load(goal: Term) -> list[Term] | None:
-    """The files of ``[File, ...]`` or ``consult(File)``; None for any other goal."""
+    """Return the files of ``[File, ...]`` or ``consult(File)``; None for any other goal."""
     if isinstance(goal, Struct) and goal.name == "consult" and len(goal.args) == 1:
         goal = deref(goal.args[0])
         if not (isinstance(goal, Struct) and goal.name == "."):
@@ -183,7 +183,7 @@ def _files_to_load(goal: Term) -> list[Term] | None:
 
 
 def _read_key() -> str:
-    """One key from a terminal, or the first character of a line from anything else."""
+    """Read one key from a terminal, or the first character of a line from anything else."""
     if not sys.stdin.isatty():
         return sys.stdin.readline().strip()[:1] or "."
     import termios
@@ -200,7 +200,7 @@ def _read_key() -> str:
 
 @contextlib.contextmanager
 def _line_editing(engine: Engine) -> Iterator[None]:
-    """Line editing, completion of names and a history that outlives the session, where there is any."""
+    """Provide line editing, completion of names and a persistent history, where readline is available."""
     try:
         import readline
     except ImportError:

@@ -9,13 +9,13 @@ from types import FrameType
 
 
 class Stop:
-    """Whether a signal has asked for the end, and which."""
+    """The signal, if any, that has requested the end."""
 
     def __init__(self) -> None:
         self.signal: int | None = None
 
     def requested(self) -> bool:
-        """Whether the end was asked for."""
+        """Return whether a signal has requested the end."""
         return self.signal is not None
 
     @property

@@ -36,7 +36,7 @@ def stress(
     ] = None,
     shield: Annotated[
         Literal["rules", "prediction", "none"] | None,
-        typer.Option(hidden=True, help="What --offers was called until 0.2; its none is all."),
+        typer.Option(hidden=True, help="The name of --offers until 0.2; its none is all."),
     ] = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
     rules: Annotated[
@@ -55,13 +55,13 @@ def stress(
     position_noise: Annotated[float, typer.Option(help="Metres by which places seen are wrong.")] = 0.0,
     speed_noise: Annotated[float, typer.Option(help="Metres a second by which speeds seen are wrong.")] = 0.0,
     drop_rate: Annotated[float, typer.Option(help="Share of the vehicles that are not seen.")] = 0.0,
-    latency: Annotated[float, typer.Option(help="Seconds by which what is seen is old.")] = 0.0,
+    latency: Annotated[float, typer.Option(help="Age of the sensed state in seconds.")] = 0.0,
     direction: Annotated[
         Literal["both", "left_to_right", "right_to_left"], typer.Option(help="Which way the ego drives.")
     ] = "both",
     tier: Annotated[
         Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"],
-        typer.Option(help="What runs the rules."),
+        typer.Option(help="Tier that runs the rules."),
     ] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
     out: Annotated[
@@ -70,7 +70,7 @@ def stress(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Drive episodes with policies that look for trouble among what is offered, and count contacts."""
+    """Drive episodes with policies that look for trouble among the offered actions, and count contacts."""
     from drlsl.driving import POLICIES
     from drlsl.errors import UserError
     from drlsl.traffic import bundled_recordings
@@ -116,7 +116,7 @@ def _offers(offers: Offers | None, shield: str | None) -> str:
 
 
 def _config(**settings: Any) -> EnvConfig:
-    """The configuration that the flags make.
+    """Return the configuration that the flags make.
 
     Raises:
         UserError: a number is out of range.
@@ -135,7 +135,7 @@ def _config(**settings: Any) -> EnvConfig:
 
 
 def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> StressReport:
-    """Drive all episodes, and show on a terminal how far they are."""
+    """Drive all episodes, with a progress bar on a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -156,7 +156,7 @@ def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> St
 
 
 def _report(report: StressReport) -> str:
-    """What a person reads: a column of counts for each policy, and the worst contacts."""
+    """Return the text output: a column of counts for each policy, and the worst contacts."""
     columns = [*report.policies.items()]
     if len(columns) > 1:
         columns.append(("all", report.total))
@@ -187,7 +187,7 @@ _ROWS: Final[dict[str, Callable[[Counts], str]]] = {
 
 
 def _write_worst(report: StressReport, out: Path) -> None:
-    """A scene file for each of the worst contacts."""
+    """Write a scene file for each of the worst contacts."""
     from drlsl.driving.scene import scene_json
 
     out.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""`drlsl study`: every method, trained over several seeds, tested, and reported."""
+"""`drlsl study`: train every method over several seeds, test it, and report."""
 
 from __future__ import annotations
 
@@ -33,9 +33,7 @@ def study(
     config: Annotated[Path | None, typer.Option(help="YAML file with a study of your own.")] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="The study's folder; default: runs/study-PRESET. One that is there is gone on with."
-        ),
+        typer.Option(help="The study's folder; default: runs/study-PRESET. An existing study is resumed."),
     ] = None,
     seeds: Annotated[int | None, typer.Option(min=1, help="Trainings of each method.")] = None,
     episodes: Annotated[int | None, typer.Option(min=1, help="Episodes of each training.")] = None,
@@ -55,7 +53,7 @@ def study(
         str | None, typer.Option(metavar="ADDRESS", help="Ray cluster to spread the runs over, or auto.")
     ] = None,
     report_only: Annotated[
-        bool, typer.Option("--report-only", help="Write the report of what is there, and run nothing.")
+        bool, typer.Option("--report-only", help="Write the report of the finished runs, and run nothing.")
     ] = False,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the study that would be run, and stop.")
@@ -63,8 +61,8 @@ def study(
 ) -> None:
     """Train every method over several seeds, test each policy with the shield and without, and report.
 
-    The folder tells what is done: after Ctrl-C, a crash or kill -9 the same command goes on where it stopped.
-    A run that fails is tried once more, and then reported. The report lies in the folder's report/.
+    The folder records all finished work: after Ctrl-C, a crash or kill -9 the same command resumes the study.
+    A run that fails is tried once more, and then reported. The report is in the folder's report/.
     """
     from drlsl.study import StudyFolder, dump_study
 
@@ -90,11 +88,11 @@ def _chosen(
     methods: list[str] | None,
     test: list[str] | None,
 ) -> StudyConfig:
-    """The study that the flags mean; without any, the one in the folder."""
+    """Return the study that the flags mean; without any, the one in the folder."""
     from drlsl.study import STUDY, StudyFolder, load_study, preset_study, with_changes
 
     if preset and config:
-        raise UserError("--preset and --config: give one of them")
+        raise UserError("--preset and --config: expected one of them, not both")
     if not (preset or config) and (root / STUDY).is_file():
         base = StudyFolder.open(root).study
     else:
@@ -103,7 +101,7 @@ def _chosen(
 
 
 def _inputs(chosen: StudyConfig) -> dict[str, Any]:
-    """The command, and what the results depend on beside the settings."""
+    """Return the command, and all else besides the settings that the results depend on."""
     from drlsl.study import inputs_of
 
     return {"command": shlex.join(["drlsl", *sys.argv[1:]]), **inputs_of(chosen)}
@@ -120,7 +118,7 @@ def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
             for progress in work(folder, _workers(folder, jobs, ray), stop.requested):
                 show(progress)
         if stop.requested():
-            console.print(f"saved in {folder.root}; the same command goes on")
+            console.print(f"saved in {folder.root}; run the same command to resume")
             raise typer.Exit(stop.status)
         _report(folder)
         if progress.given_up:
@@ -150,7 +148,7 @@ def _report(folder: StudyFolder) -> None:
 
 @contextlib.contextmanager
 def _display(folder: StudyFolder, console: Console) -> Iterator[Callable[[Progress], None]]:
-    """Bars on a terminal, otherwise a line for each task that ends."""
+    """Show bars on a terminal, otherwise a line for each task that ends."""
     if not console.is_terminal:
         yield lambda progress: _print_end(folder, console, progress)
         return
@@ -163,7 +161,7 @@ def _display(folder: StudyFolder, console: Console) -> Iterator[Callable[[Progre
 
 
 class _Bars:
-    """A bar for the whole study, and one for each run in work."""
+    """A bar for the whole study, and one for each run in progress."""
 
     def __init__(self, folder: StudyFolder, bars: Any) -> None:
         self._folder = folder
@@ -172,7 +170,7 @@ class _Bars:
         self._of: dict[str, Any] = {}
 
     def show(self, progress: Progress) -> None:
-        """Bring the bars to where the study stands."""
+        """Update the bars."""
         _print_end(self._folder, self._bars.console, progress)
         self._bars.update(self._whole, completed=progress.done + progress.given_up)
         busy = {task.name: task for task in progress.busy}

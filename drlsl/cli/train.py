@@ -1,4 +1,4 @@
-"""`drlsl train`: train an agent, show how it goes, and leave a run folder behind."""
+"""`drlsl train`: train an agent, show its progress, and leave a run folder behind."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PLAIN_LINES = 20
 
 def train(
     config: Annotated[
-        Path | None, typer.Option(help="YAML file with settings; those it leaves out keep their defaults.")
+        Path | None, typer.Option(help="YAML file with settings; settings not in it keep their defaults.")
     ] = None,
     preset: Annotated[
         str | None, typer.Option(help="Settings that ship with DRLSL: quick (default), paper or tiny.")
@@ -80,7 +80,7 @@ def train(
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Run folder; default: a new one in runs/.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume the run in --out.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the run in --out.")] = False,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the settings that would be used, and stop.")
@@ -88,8 +88,8 @@ def train(
 ) -> None:
     """Train an agent in recorded traffic.
 
-    Settings come from the preset, then --config, then --set, then the other flags; the later wins. Ctrl-C
-    ends the run with a checkpoint; --resume goes on as if it had never stopped.
+    Settings come from the preset, then --config, then --set, then the other flags; the later wins.
+    Ctrl-C ends the run with a checkpoint; --resume continues it with the same result as an unbroken run.
     """
     flags = {
         "env.recording": recording,
@@ -122,7 +122,7 @@ def train(
 
 
 def _given_settings(settings: list[str], flags: Mapping[str, object]) -> dict[str, Any]:
-    """Nested values of --set and of the flags that were given."""
+    """Return the nested values of --set and of the flags that were given."""
     import yaml
 
     from drlsl.learning import with_value
@@ -166,7 +166,7 @@ def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool) -> Sess
     from drlsl.learning import RunFolder, Session, make_config, merged
 
     if out is None:
-        raise UserError("--resume: name the run to go on with by --out")
+        raise UserError("--resume: name the run to resume with --out")
     if others:
         raise UserError("--resume takes its settings from the run: leave out --force, --config and the like")
     stored = RunFolder.open(out).config
@@ -180,13 +180,13 @@ def _train(session: Session) -> None:
 
     console = Console()
     root, config = session.folder.root, session.folder.config
-    verb = "go on with" if session.trainer.total_steps else "start"
+    verb = "resume" if session.trainer.total_steps else "start"
     typer.echo(f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}")
     shown = shlex.quote(str(root))
     with stop_on_signal(console.print) as stop:
         finished = _run(session, console, stop)
     if not finished:
-        typer.echo(f"saved at step {session.saved_steps}; go on with: drlsl train --out {shown} --resume")
+        typer.echo(f"saved at step {session.saved_steps}; resume with: drlsl train --out {shown} --resume")
         raise typer.Exit(stop.status)
     figures = session.draw_figures()
     typer.echo(f"{len(figures)} figures in {session.folder.figures}")
@@ -197,7 +197,7 @@ def _train(session: Session) -> None:
 
 
 def _run(session: Session, console: Console, stop: Stop) -> bool:
-    """Train on and show it; whether the last episode was reached."""
+    """Train with a display of the progress; return whether the last episode was reached."""
     display = _LiveDisplay(session, console) if console.is_terminal else _PlainDisplay(session)
     with display:
         try:

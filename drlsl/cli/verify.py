@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Solver(StrEnum):
-    """Who is asked whether a formula holds in some scene."""
+    """The solver that decides the formulas."""
 
     Z3 = "z3"
     CVC5 = "cvc5"
@@ -100,7 +100,7 @@ def verify(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr, on a terminal only."""
+    """Show a bar on stderr, on a terminal only."""
     if not sys.stderr.isatty():
         yield lambda _done, _all: None
         return
@@ -123,7 +123,7 @@ def _as_json(report: Report, request: Request) -> dict[str, object]:
 
 
 def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
-    """What a person reads."""
+    """Yield the lines of text output."""
     from drlsl.verify import NAMES, Status
 
     for result in report.results:
@@ -149,28 +149,28 @@ def _lines(report: Report, request: Request, out: Path | None) -> Iterator[str]:
 
 
 def _floats_line(result: Result) -> Iterator[str]:
-    """From which margin on the proof holds in the floats that run."""
+    """Yield the margin from which on the proof holds in floating-point arithmetic."""
     floats = result.floats
     if result.status != "proved" or floats is None:
         return
     if not floats.error:
-        yield "in floats too: it rests on no comparison that rounds"
+        yield "holds in floats, too: it depends on no comparison that rounds"
         return
-    line = f"in floats wherever no comparison lies within {floats.margin:g}, in its unit, of its limit"
-    line += ", and no divisor so near to 0" * floats.divisors
-    yield f"{line}; there none is off by more than {floats.error:.2g}"
+    line = f"holds in floats unless a comparison is within {floats.margin:g}, in its unit, of its limit"
+    line += ", or a divisor that close to 0" * floats.divisors
+    yield f"{line}; otherwise each is off by at most {floats.error:.2g}"
     if floats.because is not None:
         yield floats.because
 
 
 def _opinion_line(result: Result) -> str:
-    """What the second solver said; a question that was asked before is not asked again."""
+    """Return the second solver's result; a repeated question is asked only once."""
     line = f"{result.confirmed} question{'s' * (result.confirmed != 1)} confirmed by cvc5"
     return line + (f", {result.unanswered} answered by one solver only" if result.unanswered else "")
 
 
 def _attack_line(result: Result) -> str:
-    """How hard it was tried to break what is proved."""
+    """Yield how thoroughly the attack tried to break a proved property."""
     attacked = result.attack
     if attacked is None:
         return "not attacked"
@@ -179,7 +179,7 @@ def _attack_line(result: Result) -> str:
     line = f"attacked with {attacked.scenes:,} scenes: {attacked.near:,} reached the last goal of violates, "
     line += f"{attacked.close:,} came within 0.001 of breaking it"
     if attacked.undecided:
-        line += f", {attacked.undecided:,} undecided, of which {attacked.asked:,} asked of the interpreter"
+        line += f", {attacked.undecided:,} undecided, of which {attacked.asked:,} put to the interpreter"
     return line + (f", {attacked.broken:,} broke it in floats" if attacked.broken else "")
 
 
@@ -193,7 +193,7 @@ def _extent(result: Result) -> str:
 
 
 def _scene_lines(result: Result, out: Path | None) -> Iterator[str]:
-    """A counterexample in a few words, and where it is."""
+    """Yield a counterexample in a few words, and the file it is in."""
     found = result.counterexample
     assert found is not None
     if found.error is not None:
@@ -210,7 +210,7 @@ def _scene_lines(result: Result, out: Path | None) -> Iterator[str]:
 
 
 def _write_scenes(request: Request, report: Report, out: Path) -> None:
-    """A scene file and a picture for every counterexample."""
+    """Write a scene file and a picture for every counterexample."""
     from drlsl.verify import write_counterexample
 
     refuted = [result for result in report.results if result.counterexample is not None]

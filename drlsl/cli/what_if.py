@@ -1,4 +1,4 @@
-"""`drlsl query --what-if`: what would have to change for another decision."""
+"""`drlsl query --what-if`: print the least changes that would alter the decision."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _actions(names: Sequence[str]) -> list[Action]:
 
 
 def _write(answers: Sequence[Answer], out: Path) -> list[Path]:
-    """The changed scenes, as files."""
+    """Write the changed scenes; return their files."""
     from drlsl.driving.scene import scene_json
     from drlsl.errors import UserError
 
@@ -89,7 +89,7 @@ def _write(answers: Sequence[Answer], out: Path) -> list[Path]:
 
 
 def _lines(answer: Answer, scene: Scene, against: Sequence[Objection]) -> Iterator[str]:
-    """What a person reads about one action."""
+    """Yield the lines of text output for one action."""
     name = f"{answer.action.atom:<18}"
     state = "is offered" if answer.offered else "is not offered"
     others = [one.words() for one in against if one.vehicle is None]
@@ -136,12 +136,12 @@ def _joint(finding: Finding, scene: Scene, would: str) -> Iterator[str]:
 
 
 def _reservation(finding: Finding) -> str:
-    """What is not known of lesser changes."""
+    """Return the words for what remains unknown about lesser changes."""
     return f" (at least {finding.least:.4g}; {finding.reason})" if finding.reason else ""
 
 
 def _words(change: Change, finding: Finding, scene: Scene) -> str:
-    """One change: by how much, which way, and what comes of it."""
+    """Return one change in words: its amount, its direction and its effect."""
     from drlsl.driving.scene import bumper_gap
 
     assert finding.scene is not None
@@ -161,6 +161,6 @@ def _words(change: Change, finding: Finding, scene: Scene) -> str:
 
 
 def _decimal(number: float, digits: int = 2) -> str:
-    """A number with up to so many decimals, and at least one."""
+    """Return a number with at most `digits` decimals, and at least one."""
     text = f"{number:.{digits}f}".rstrip("0")
     return f"{text}0" if text.endswith(".") else text

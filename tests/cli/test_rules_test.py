@@ -56,7 +56,7 @@ def test_a_wrong_answer(folder: Path, capsys: pytest.CaptureFixture[str]) -> Non
         in out
     )
     assert "got an error: arguments are not sufficiently instantiated" in out or "instantiation error" in out
-    assert out.endswith("no mutants: the program has to pass its tables first\n")
+    assert out.endswith("no mutants: the program must pass its tables first\n")
 
 
 def test_coverage_names_what_is_missed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,7 +112,7 @@ def test_no_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_reason_that_names_no_mutant(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "mine.mutants.yaml").write_text("survivors:\n  - reason: r\n    mutants: [no such]\n")
     assert run(["rules", "test", "mine.pl", "--mutate"]) == 2
-    assert "a reason is given for the mutant 'no such', which there is not" in capsys.readouterr().err
+    assert "a reason is given for the mutant 'no such', which does not exist" in capsys.readouterr().err
     (folder / "mine.mutants.yaml").write_text("survivors:\n  - reason: r\n    mutant: no such\n")
     assert run(["rules", "test", "mine.pl", "--mutate"]) == 2
     assert "mine.mutants.yaml:2: survivors.0.mutants is missing" in capsys.readouterr().err

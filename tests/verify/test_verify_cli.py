@@ -106,7 +106,7 @@ def test_an_overflow_next_to_0_is_what_the_margin_says_or_named(
     assert "may overflow: no margin keeps its divisor far enough from 0; a scene" in always["reason"]
     assert "float_overflow" in always["counterexample"]["error"]
     assert run([*arguments, "--jobs", "1", "--only", "near"]) == 0
-    assert "in its unit, of its limit, and no divisor so near to 0; there" in capsys.readouterr().out
+    assert "in its unit, of its limit, or a divisor that close to 0; otherwise" in capsys.readouterr().out
 
 
 def test_what_rounding_breaks_is_proved_in_real_arithmetic_only(
