@@ -1,4 +1,4 @@
-"""What a study should show, held against what it shows; and where its order is the paper's."""
+"""Check what a study is expected to show, and compare its order of the methods with the paper's."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from drlsl.study.statistics import interquartile_mean
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A statement, whether the study bears it out (None: it has no result that tells), and the numbers."""
+    """A statement, whether the study supports it (None: no result decides it), and the numbers."""
 
     statement: str
     holds: bool | None
@@ -26,7 +26,7 @@ class Claim:
 
 
 def claims(results: Results) -> list[Claim]:
-    """What the shield promises of every method that learns behind rules, one by one."""
+    """Check each promise of the shield for every method that learns behind rules."""
     study = results.study
     shielded = [name for name in study.methods if _trained_as(study, name) == "dqnsl"]
     found = []
@@ -43,7 +43,7 @@ def claims(results: Results) -> list[Claim]:
 
 
 def agreement(results: Results) -> Table:
-    """For each number of Table 1, the paper's order of the methods beside ours, shield off."""
+    """Return the paper's order of the methods beside ours for each number of Table 1, shield off."""
     rows = []
     for test, scenario in results.study.tests.items():
         if scenario.paper is None:
@@ -99,7 +99,7 @@ def _safe_tests(results: Results, method: str) -> Claim:
 
 
 def _less(results: Results, method: str, baseline: str, row: str) -> Claim:
-    """Fewer lane changes than the baseline, or no more steps."""
+    """Check for fewer lane changes than the baseline, or no more steps."""
     strict = row == "lane_changes"
     parts, verdicts = [], []
     for test, scenario in results.study.tests.items():
@@ -124,14 +124,14 @@ def _sooner(results: Results, method: str, baseline: str) -> Claim:
 
 
 def _quantity(results: Results, method: str, test: str, row: str, shield: ShieldState) -> float:
-    """The middle over seeds of a row of Table 1; NaN where there is none."""
+    """Return the middle over seeds of a row of Table 1; NaN where there is none."""
     found = rows_of(results.tests, method=method, test=test, shield=shield)
     values = np.asarray(TABLE_1_ROWS[row][1](found).dropna(), np.float64)
     return float(interquartile_mean(values)) if len(values) else np.nan
 
 
 def _baseline(study: StudyConfig, method: str) -> str | None:
-    """The unshielded method that differs from this one in the fewest settings."""
+    """Return the unshielded method that differs from this one in the fewest settings."""
     mine = _settings(study, method)
     others = [name for name in study.methods if _trained_as(study, name) == "dqn"]
     return min(others, key=lambda name: len(mine ^ _settings(study, name)), default=None)
@@ -158,7 +158,7 @@ def _label(results: Results, method: str) -> str:
 
 
 def _order(values: dict[Any, float]) -> str:
-    """Names with their numbers, the smallest first, those without one last."""
+    """Return names with their numbers, the smallest first, those without one last."""
     known = sorted(values.items(), key=lambda item: (bool(np.isnan(item[1])), item[1]))
     return "; ".join(f"{name} {_number(value)}" for name, value in known)
 

@@ -17,7 +17,7 @@ from drlsl.study.tasks import Perform
 from drlsl.study.workers import Outcome
 
 ANSWER_S: Final = 10.0
-"""How long a cluster may take to answer."""
+"""Time limit for a cluster to answer."""
 
 _COLOUR: Final = re.compile(r"\x1b\[\d+m")
 
@@ -50,12 +50,12 @@ class RayWorkers:
 
     @property
     def busy(self) -> list[Task]:
-        """The tasks in work, or waiting for a processor."""
+        """The tasks in progress, or waiting for a processor."""
         return list(self._refs.values())
 
     @property
     def free(self) -> int:
-        """How many more tasks can be started; nodes may come and go."""
+        """The number of tasks that can be started now; nodes may come and go."""
         return max(1, int(ray.cluster_resources().get("CPU", 0))) - len(self._refs)
 
     def start(self, task: Task) -> None:
@@ -63,12 +63,12 @@ class RayWorkers:
         self._refs[self._remote.remote(self._perform, self._root, task)] = task
 
     def wait(self, timeout_s: float) -> list[Outcome]:
-        """The tasks that ended; none if the time is up before."""
+        """Return the tasks that ended; none if the time is up before."""
         ready, _ = ray.wait(list(self._refs), num_returns=1, timeout=timeout_s)
         return [Outcome(self._refs.pop(ref), _failure(ref)) for ref in ready]
 
     def stop(self) -> None:
-        """End the tasks in work; they can be gone on with from their last checkpoint."""
+        """End the tasks in progress; each can be resumed from its last checkpoint."""
         for ref in self._refs:
             ray.cancel(ref, force=True)
         if self._refs:
@@ -99,12 +99,12 @@ def _knock(address: str) -> None:
 
 
 def _perform(perform: Perform, root: Path, task: Task) -> None:
-    """Runs on a node; a task that is not wanted any more is ended from outside."""
+    """Run a task on a node; a task that is no longer wanted is ended from outside."""
     perform(root, task, lambda: False)
 
 
 def _failure(ref: Any) -> Failure | None:
-    """How a task failed, if it did."""
+    """Return how a task failed; None if it did not."""
     try:
         ray.get(ref)
     except ray.exceptions.RayTaskError as error:

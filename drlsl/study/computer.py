@@ -6,13 +6,13 @@ from pathlib import Path
 
 
 def cores() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     # os.process_cpu_count is newer than the oldest Python that we support.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def processors() -> str:
-    """How many processors of which model, for people."""
+    """Return the number and model of the processors, for people."""
     return f"{cores()} cores, {_model()}"
 
 

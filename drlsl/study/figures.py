@@ -28,14 +28,14 @@ PANELS: Final = 2
 
 
 def training_figures(results: Results) -> Mapping[str, bytes]:
-    """The paper's five figures as PNG, by file name without its ending."""
+    """Return the paper's five figures as PNG, by file name without its ending."""
     if results.training.empty:
         return {}
     return {stem: _figure(results, column, title) for stem, (column, title) in FIGURES.items()}
 
 
 def sweep_figure(results: Results) -> bytes:
-    """Contacts at fault against the strength of each setting, shield on, as PNG: a panel for each sweep."""
+    """Draw contacts at fault against each setting, shield on, as PNG: a panel for each sweep."""
     sweeps = results.study.sweeps
     rows = math.ceil(len(sweeps) / PANELS)
     figure = Figure(figsize=(8.0, 0.6 + 2.6 * rows), layout="constrained")
@@ -72,7 +72,7 @@ def _figure(results: Results, column: str, title: str) -> bytes:
 
 
 def _png(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> bytes:
-    """The figure with its legend below, for more methods than fit beside the curves."""
+    """Return the figure with its legend below, for more methods than fit beside the curves."""
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     buffer = io.BytesIO()
     # Without the writer's name and version in it, the same curves are the same file.
@@ -94,6 +94,6 @@ def _draw(axes: Axes, found: pd.DataFrame, column: str, label: str, index: int) 
 
 
 def _look(index: int) -> dict[str, Any]:
-    """Colour and line of a method, by its place in the study."""
+    """Return the colour and line style of a method, by its place in the study."""
     style = STYLES[(index + index // len(COLOURS)) % len(STYLES)]
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": style, "linewidth": 1.6}

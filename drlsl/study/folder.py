@@ -1,4 +1,4 @@
-"""The folder of a study: what is done is what lies in it, so that going on is to look what is missing."""
+"""The folder of a study: a task is done when its result is here, so a resumed study does what is missing."""
 
 import hashlib
 from collections.abc import Mapping
@@ -20,12 +20,12 @@ DONE = "trained.json"
 """The last file that a training writes into its run folder."""
 
 ATTEMPTS = 2
-"""How often a task is tried."""
+"""Attempts at a task."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An attempt at a task that failed: one line for people, and what its process last wrote."""
+    """A failed attempt at a task: one line for people, and the last output of its process."""
 
     summary: str
     log: str
@@ -40,13 +40,13 @@ class StudyFolder:
 
     @classmethod
     def prepare(cls, root: Path, study: StudyConfig, inputs: Mapping[str, Any]) -> Self:
-        """Make the folder, or go on with the study in it, perhaps with more seeds, methods, tests or sweeps.
+        """Make the folder, or resume the study in it, perhaps with more seeds, methods, tests or sweeps.
 
-        `inputs` holds the command, and digests of all that the results depend on beside the settings, which
-        must be what they were.
+        `inputs` holds the command, and digests of all else besides the settings that the results depend on;
+        the digests must not have changed.
 
         Raises:
-            UserError: something else is there, another study, or its inputs have changed since.
+            UserError: the folder holds another study or other files, or the inputs have changed since.
         """
         if (root / STUDY).is_file():
             inputs = _inputs_to_go_on_with(root, study, inputs)
@@ -58,10 +58,10 @@ class StudyFolder:
 
     @classmethod
     def open(cls, root: Path) -> Self:
-        """The study in a folder.
+        """Return the study in a folder.
 
         Raises:
-            UserError: there is none, or its configuration is not as it was written.
+            UserError: the folder has no study, or its configuration was changed.
         """
         path = root / STUDY
         if not path.is_file():
@@ -73,17 +73,17 @@ class StudyFolder:
 
     @classmethod
     def at_work(cls, root: Path) -> FolderLock:
-        """Keep other commands from working on a study in this folder, which need not be there yet.
+        """Lock the folder, which need not exist yet, against other commands.
 
         Raises:
-            UserError: another command is at work there, or something else is in the folder.
+            UserError: another command is using the folder, or it holds something else.
         """
         _refuse_foreign(root)
         _make_folders(root)
         return FolderLock(root, str(LOCK), "study")
 
     def locked(self, name: str, *, wait_s: float = 0.0) -> FolderLock:
-        """A lock on a part of the study.
+        """Return a lock on a part of the study.
 
         Raises:
             UserError: another process holds it, and still does after `wait_s`.
@@ -92,7 +92,7 @@ class StudyFolder:
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """What the results depend on beside the settings."""
+        """All that the results depend on besides the settings."""
         path, advice = self.root / INPUTS, "put back a copy of it, or choose another --out"
         inputs = _read_json(path, advice)
         # A damaged name of the checksum makes it one input more.
@@ -102,18 +102,18 @@ class StudyFolder:
 
     @property
     def report(self) -> Path:
-        """Where the report is written."""
+        """The folder of the report."""
         return self.root / REPORT
 
     def run_path(self, run: Run) -> Path:
-        """The run folder of a training."""
+        """Return the run folder of a training."""
         return self.root / RUNS / run.name
 
     def run(self, run: Run) -> RunFolder:
-        """A training that was begun.
+        """Return a training that has begun.
 
         Raises:
-            UserError: there is none, or it had other settings than the study says.
+            UserError: it has not begun, or its settings differ from the study's.
         """
         folder = RunFolder.open(self.run_path(run))
         if folder.config != self.study.training(run):
@@ -124,12 +124,12 @@ class StudyFolder:
         return folder
 
     def episodes_done(self, run: Run) -> int:
-        """Episodes that a training has behind it."""
+        """Return the number of finished episodes of a training."""
         path = self.run_path(run) / METRICS
         return max(0, path.read_bytes().count(b"\n") - 1) if path.is_file() else 0
 
     def is_done(self, task: Task) -> bool:
-        """Whether a task's result is there."""
+        """Return whether a task has a result."""
         return self._result(task).is_file()
 
     def finish(self, task: Task, result: Mapping[str, Any]) -> None:
@@ -137,7 +137,7 @@ class StudyFolder:
         _write_json(self._result(task), result)
 
     def result(self, task: Task) -> dict[str, Any]:
-        """What was recorded when the task was done.
+        """Return the recorded result of a task.
 
         Raises:
             UserError: the file is damaged.
@@ -145,7 +145,7 @@ class StudyFolder:
         return _read_json(self._result(task))
 
     def log(self, task: Task) -> Path:
-        """Where the process at work on a task writes what it has to say."""
+        """Return the file for the output of the process that performs a task."""
         return self.root / LOGS / f"{task.name}.log"
 
     def add_failure(self, task: Task, failure: Failure) -> None:
@@ -154,7 +154,7 @@ class StudyFolder:
         _write_json(self.root / FAILURES / f"{task.name}.{number}.json", asdict(failure))
 
     def failures(self, task: Task) -> list[Failure]:
-        """The attempts at a task that failed, in order."""
+        """Return the failed attempts at a task, in order."""
         found: list[Failure] = []
         while (path := self.root / FAILURES / f"{task.name}.{len(found) + 1}.json").is_file():
             values = _read_json(path)
@@ -162,7 +162,7 @@ class StudyFolder:
         return found
 
     def is_given_up(self, task: Task) -> bool:
-        """Whether a task failed as often as it is tried, or what it needs did."""
+        """Return whether all attempts at a task, or at the one that it needs, have failed."""
         if self.is_done(task):
             return False
         before = task.needs
@@ -175,7 +175,7 @@ class StudyFolder:
 
 
 def digest(paths: list[Path]) -> str:
-    """SHA-256 over the contents of files, in order."""
+    """Return the SHA-256 over the contents of files, in order."""
     total = hashlib.sha256()
     for path in paths:
         total.update(hashlib.sha256(path.read_bytes()).digest())
@@ -183,7 +183,7 @@ def digest(paths: list[Path]) -> str:
 
 
 def _inputs_to_go_on_with(root: Path, study: StudyConfig, inputs: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The inputs of the study that is there, or of this one if it adds to that."""
+    """Return the inputs of the existing study, or the new ones if the study was extended."""
     before = StudyFolder.open(root)
     if not study.extends(before.study):
         raise UserError(
@@ -200,10 +200,10 @@ def _inputs_to_go_on_with(root: Path, study: StudyConfig, inputs: Mapping[str, A
 
 
 def _refuse_foreign(root: Path) -> None:
-    """Leave alone a folder in which there is something else than a study, or the beginnings of one.
+    """Check that a folder holds a study, the beginnings of one, or nothing.
 
     Raises:
-        UserError: it is such a folder.
+        UserError: it holds something else.
     """
     if not root.exists() or (root / STUDY).is_file():
         return
@@ -212,7 +212,7 @@ def _refuse_foreign(root: Path) -> None:
 
 
 def _is_beginning(path: Path) -> bool:
-    """Whether a command that was killed before it wrote `STUDY` may have left this."""
+    """Return whether a command killed before it wrote `STUDY` may have left this file."""
     name = str(path)
     return name in (RUNS, EVALUATIONS, FAILURES, LOGS, INPUTS, str(LOCK)) or name.startswith(
         (f".{INPUTS}.", f".{STUDY}.")

@@ -1,4 +1,4 @@
-"""Tasks in processes on this machine."""
+"""Perform tasks in processes on this machine."""
 
 import contextlib
 import multiprocessing
@@ -19,17 +19,17 @@ from drlsl.study.tasks import Perform
 from drlsl.study.workers import Outcome
 
 PATIENCE_S: Final = 30.0
-"""How long processes that were asked to stop may take to save what they have."""
+"""Time limit for processes to save their work once they are asked to stop."""
 
 TAIL: Final = 4_000
-"""Characters of a process's last words that are kept with a failure."""
+"""Characters of a process's last output that are kept with a failure."""
 
 _context: Final = multiprocessing.get_context("spawn")
 
 
 @dataclass(slots=True)
 class _Worker:
-    """A process that does one task after another, and dies of one that fails."""
+    """A process that performs one task after another, and ends when one fails."""
 
     process: SpawnProcess
     connection: Connection
@@ -39,8 +39,8 @@ class _Worker:
 class LocalWorkers:
     """Up to `count` processes, each with one PyTorch thread.
 
-    They are started afresh, so nothing is inherited; each handles many tasks, for loading PyTorch takes
-    longer than a short test. One that fails, however it does, ends and leaves its last words in the log.
+    They are spawned, so they inherit nothing; each performs many tasks, because loading PyTorch takes longer
+    than a short test. A process that fails in any way ends, and leaves its last output in the log.
     """
 
     def __init__(self, folder: StudyFolder, perform: Perform, count: int) -> None:
@@ -51,12 +51,12 @@ class LocalWorkers:
 
     @property
     def busy(self) -> list[Task]:
-        """The tasks in work."""
+        """The tasks in progress."""
         return [worker.task for worker in self._workers if worker.task is not None]
 
     @property
     def free(self) -> int:
-        """How many more tasks can be started."""
+        """The number of tasks that can be started now."""
         return self._count - len(self.busy)
 
     def start(self, task: Task) -> None:
@@ -69,7 +69,7 @@ class LocalWorkers:
             worker.connection.send(task)
 
     def wait(self, timeout_s: float) -> list[Outcome]:
-        """The tasks that ended; none if the time is up before."""
+        """Return the tasks that ended; none if the time is up before."""
         at_work = [worker for worker in self._workers if worker.task is not None]
         ready = wait([worker.connection for worker in at_work], timeout_s)
         return [
@@ -79,7 +79,7 @@ class LocalWorkers:
         ]
 
     def stop(self) -> None:
-        """Have all processes save what they have and end; those that take too long are killed."""
+        """Tell all processes to save their work and end; kill those that take too long."""
         for worker in self._workers:
             worker.process.terminate()
         for worker in self._workers:
@@ -118,7 +118,7 @@ class LocalWorkers:
 
 
 def _failure(status: int | None, log: Path) -> Failure:
-    """What a process that ended tells: its last line, or the signal that ended it."""
+    """Describe how a process ended: by its last line, or by the signal that ended it."""
     text = log.read_text("utf-8", errors="replace") if log.is_file() else ""
     lines = [line for line in text.splitlines() if line.strip()]
     if status is not None and status < 0:
@@ -131,13 +131,13 @@ def _failure(status: int | None, log: Path) -> Failure:
 
 
 def _serve(connection: Connection, root: Path, perform: Perform) -> None:
-    """Do tasks as they come, until there are no more; an exception ends the process."""
+    """Perform tasks as they arrive, until there are no more; an exception ends the process."""
     stopped = threading.Event()
 
     def note(number: int, frame: FrameType | None) -> None:
         stopped.set()
 
-    # Ctrl-C reaches every process of a terminal; it is for the one that the others work for to pass it on.
+    # Ctrl-C reaches every process of a terminal; the parent process is the one to pass it on.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, note)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -156,7 +156,7 @@ def _serve(connection: Connection, root: Path, perform: Perform) -> None:
 
 
 def _end_with_parent() -> None:
-    """End at once when the study's own process is killed, so that nobody works unseen."""
+    """End at once when the parent process is killed, so that no worker is left behind."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -164,7 +164,7 @@ def _end_with_parent() -> None:
 
 
 def _speak_into(log: Path) -> None:
-    """Send what this process writes to stdout and stderr, native code's last words included, into a file."""
+    """Redirect this process's stdout and stderr, output of native code included, into a file."""
     sys.stdout.flush()
     sys.stderr.flush()
     with log.open("wb") as file:

@@ -1,4 +1,4 @@
-"""What the paper reports, to stand beside our numbers.
+"""The paper's results, shown beside ours.
 
 Source: arXiv:2307.01316, Table 1 (test results for 50 episodes) and section "Results and Discussion".
 """
@@ -52,5 +52,5 @@ OFF_ROAD_REWARD: Final[Mapping[PaperMethod, float]] = {"DQN": -60.1, "DQNSL": 0.
 
 
 def table_1(test: PaperTest, row: str, method: PaperMethod) -> int:
-    """A number of Table 1."""
+    """Return a number of Table 1."""
     return TABLE_1[test][row][METHODS.index(method)]

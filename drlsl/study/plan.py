@@ -1,4 +1,4 @@
-"""What a study consists of: its methods, seeds and tests, and the tasks that follow from them."""
+"""The plan of a study: its methods, seeds and tests, and the tasks that follow from them."""
 
 import importlib.resources
 import re
@@ -29,19 +29,17 @@ class _Section(BaseModel):
 class MethodConfig(_Section):
     """One way to train."""
 
-    label: str = Field(min_length=1, description="What the report calls it.")
+    label: str = Field(min_length=1, description="Its label in the report.")
     train: dict[str, Any] = Field(
         default_factory=dict, description="Settings of the training, laid over the study's own."
     )
-    paper: PaperMethod | None = Field(
-        default=None, description="The method of the paper whose numbers stand beside."
-    )
+    paper: PaperMethod | None = Field(default=None, description="The method of the paper to compare with.")
 
 
 class ScenarioConfig(_Section):
-    """Traffic to test every policy in, as it was trained."""
+    """Traffic to test every policy in, exactly as it was trained."""
 
-    label: str = Field(min_length=1, description="What the report calls it.")
+    label: str = Field(min_length=1, description="Its label in the report.")
     recording: str | tuple[str, ...] = Field(
         description="As env.recording: a bundled recording's name or a path, or several to draw from."
     )
@@ -53,26 +51,26 @@ class ScenarioConfig(_Section):
 
 
 class SweepConfig(_Section):
-    """A setting of the environment, a sensing fault say, in several strengths on top of one of the tests."""
+    """A setting of the environment, such as a sensing fault, varied on top of one of the tests."""
 
-    label: str = Field(min_length=1, description="What the report calls the setting, with its unit.")
+    label: str = Field(min_length=1, description="Label of the setting in the report, with its unit.")
     test: Name = Field(
-        description="The test whose traffic it is; its result stands for the setting as it is."
+        description="The test that it varies, whose own result stands for the unchanged setting."
     )
     setting: str = Field(description="Key under env, such as sensing.latency.")
-    values: tuple[float, ...] = Field(min_length=1, description="What the setting is changed to.")
+    values: tuple[float, ...] = Field(min_length=1, description="Values of the setting.")
 
 
 class StudyConfig(_Section):
-    """Everything that decides what a study reports."""
+    """Everything that determines what a study reports."""
 
     seeds: int = Field(default=3, ge=1, le=1_000, description="Trainings of each method, seeds 0, 1, …")
     preset: str = Field(default="paper", description="Preset of `drlsl train` that the trainings start from.")
     train: dict[str, Any] = Field(
         default_factory=dict, description="Settings of every training, laid over the preset."
     )
-    methods: dict[Name, MethodConfig] = Field(min_length=1, description="What is compared, by name.")
-    tests: dict[Name, ScenarioConfig] = Field(min_length=1, description="What they are tested in, by name.")
+    methods: dict[Name, MethodConfig] = Field(min_length=1, description="Methods to compare, by name.")
+    tests: dict[Name, ScenarioConfig] = Field(min_length=1, description="Traffic to test them in, by name.")
     sweeps: dict[Name, SweepConfig] = Field(
         default_factory=dict, description="Settings whose strength is varied in a test, by name."
     )
@@ -113,7 +111,7 @@ class StudyConfig(_Section):
 
     @property
     def runs(self) -> list["Run"]:
-        """Every training, seed by seed, so that an interrupted study has compared what it has."""
+        """Every training, seed by seed, so that an interrupted study can compare finished seeds."""
         return [Run(method, seed) for seed in range(self.seeds) for method in self.methods]
 
     @property
@@ -122,7 +120,7 @@ class StudyConfig(_Section):
         return [Task(run, test) for run in self.runs for test in (None, *self.tests, *self.sweeps)]
 
     def training(self, run: "Run") -> TrainConfig:
-        """The configuration of a training.
+        """Return the configuration of a training.
 
         Raises:
             UserError: the settings do not make one.
@@ -132,12 +130,12 @@ class StudyConfig(_Section):
         return make_config({**values, "seed": run.seed}, f"method {run.method}")
 
     def test_env(self, run: "Run", test: str) -> EnvConfig:
-        """The environment of a test: that of the training in other traffic."""
+        """Return the environment of a test: that of the training in other traffic."""
         scenario = self.tests[test].model_dump(include={"recording", "direction", "traffic"})
         return EnvConfig.model_validate(self.training(run).env.model_dump() | scenario)
 
     def sweep_envs(self, run: "Run", sweep: str) -> dict[float, EnvConfig]:
-        """The environments of a sweep, by the value of its setting; all else is as in its test."""
+        """Return the environments of a sweep, by the value of its setting; all else is as in its test."""
         config = self.sweeps[sweep]
         values = self.test_env(run, config.test).model_dump()
         return {
@@ -146,7 +144,7 @@ class StudyConfig(_Section):
         }
 
     def trained_value(self, sweep: str) -> float:
-        """What the setting of a sweep is in its test, and was in the training, of every method."""
+        """Return the value of a sweep's setting in its test, and in the training of every method."""
         return self._trained_value(sweep, self.runs[0])
 
     def _trained_value(self, sweep: str, run: "Run") -> float:
@@ -157,7 +155,7 @@ class StudyConfig(_Section):
         return float(value)
 
     def extends(self, other: "StudyConfig") -> bool:
-        """Whether this is the other study, or that with more seeds, methods, tests or sweeps."""
+        """Return whether this is the other study, perhaps with more seeds, methods, tests or sweeps."""
         same = {"preset", "train", "evaluation_episodes"}
         return (
             self.model_dump(include=same) == other.model_dump(include=same)
@@ -177,36 +175,36 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Its folder."""
+        """The name of its folder."""
         return f"{self.method}-seed{self.seed}"
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A piece of work that one process does: a training, or the policy of one in a test or a sweep."""
+    """A piece of work for one process: a training, or the policy of one in a test or a sweep."""
 
     run: Run
     test: str | None = None
 
     @property
     def name(self) -> str:
-        """What its files are called."""
+        """The name of its files."""
         return self.run.name if self.test is None else f"{self.run.name}.{self.test}"
 
     @property
     def needs(self) -> "Task | None":
-        """What must be done before."""
+        """The task that must be done before."""
         return None if self.test is None else Task(self.run)
 
 
 def study_presets() -> list[str]:
-    """Names of the studies that ship with the package."""
+    """Return the names of the studies that ship with the package."""
     folder = importlib.resources.files("drlsl.study").joinpath("presets")
     return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
 
 
 def preset_study(name: str) -> StudyConfig:
-    """A study that ships with the package.
+    """Return a study that ships with the package.
 
     Raises:
         UserError: there is none of this name.
@@ -218,7 +216,7 @@ def preset_study(name: str) -> StudyConfig:
 
 
 def load_study(path: Path) -> StudyConfig:
-    """A study from a YAML file.
+    """Return a study from a YAML file.
 
     Raises:
         UserError: the file cannot be read, or is no valid study.
@@ -227,7 +225,7 @@ def load_study(path: Path) -> StudyConfig:
 
 
 def make_study(values: Mapping[str, Any], source: str) -> StudyConfig:
-    """Check values and make the frozen configuration; `source` says where they came from.
+    """Check values and make the frozen configuration; `source` names their origin in errors.
 
     Raises:
         UserError: a key is unknown or a value out of bounds.
@@ -245,7 +243,7 @@ def make_study(values: Mapping[str, Any], source: str) -> StudyConfig:
 
 
 def dump_study(study: StudyConfig) -> str:
-    """The study as YAML that `load_study` reads back to an equal one."""
+    """Return the study as YAML that `load_study` reads back to an equal one."""
     return to_yaml(study.model_dump(mode="json"))
 
 
@@ -257,7 +255,7 @@ def with_changes(
     methods: list[str] | None = None,
     tests: list[str] | None = None,
 ) -> StudyConfig:
-    """The study with other seeds, episodes of training or methods, and with further tests.
+    """Return the study with other seeds, episodes of training or methods, and with further tests.
 
     Raises:
         UserError: a method is unknown, a test's name is taken, or a number is out of bounds.
@@ -282,7 +280,7 @@ def with_changes(
 
 
 def scenario_of(path: str) -> tuple[str, dict[str, Any]]:
-    """Name and configuration of the test that a path means: a recording, or a folder of NGSIM tables."""
+    """Return the name and configuration of the test for a path: a recording, or a folder of NGSIM tables."""
     found = Path(path)
     tables = sorted(found.glob("*.csv")) if found.is_dir() else []
     several = bool(tables) and not any(re.match(r"\d+_tracks", table.name) for table in tables)
@@ -295,7 +293,7 @@ def scenario_of(path: str) -> tuple[str, dict[str, Any]]:
 
 
 def _absolute(path: str) -> str:
-    """A path that means the same in every folder; the name of a bundled recording stays."""
+    """Return an absolute path, valid in every folder; the name of a bundled recording is kept."""
     stem, mark, part = path.partition("#")
     return f"{Path(stem).resolve()}{mark}{part}" if Path(stem).exists() else path
 

@@ -1,4 +1,4 @@
-"""A report's blocks as Markdown and as one self-contained HTML page, by the templates beside this module."""
+"""Render a report's blocks as Markdown and as one HTML page, by the templates beside this module."""
 
 import base64
 from collections.abc import Sequence
@@ -30,13 +30,13 @@ class Paragraph:
 
     @property
     def kind(self) -> str:
-        """What the templates know it by."""
+        """The name of the kind in the templates."""
         return "code" if self.code else "paragraph"
 
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Points, numbered where their order means something."""
+    """Items, numbered if their order matters."""
 
     kind: ClassVar = "listing"
     points: tuple[str, ...]
@@ -45,7 +45,7 @@ class Listing:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG with a caption; `path` is where the Markdown finds it."""
+    """A PNG with a caption; `path` is its place for the Markdown."""
 
     kind: ClassVar = "picture"
     path: str
@@ -82,7 +82,7 @@ def _templates() -> jinja2.Environment:
 
 
 def _columns(frame: pd.DataFrame) -> list[tuple[str, bool]]:
-    """The columns, and whether every cell of each is a number, or the dash that stands for none."""
+    """Return the columns, and whether every cell of each is a number or the dash for a missing one."""
 
     def is_number(cell: object) -> bool:
         text = str(cell)

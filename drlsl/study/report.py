@@ -1,4 +1,4 @@
-"""The report of a study: every number in it comes from the tables that are written beside it."""
+"""Write the report of a study; every number in it comes from the tables that are written beside it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,7 +24,7 @@ WALL_TIME = "Wall time"
 
 
 def write_report(folder: StudyFolder) -> Path:
-    """Write report.md, report.html, and the tables and figures behind them; gives the folder.
+    """Write report.md, report.html, and the tables and figures behind them; return the folder.
 
     The same results give the same files.
 
@@ -227,7 +227,7 @@ def _making(results: Results) -> Iterator[Block]:
 
 
 def _portable(study: StudyConfig) -> StudyConfig:
-    """The study without the folders that this machine has its recordings in."""
+    """Return the study without the local paths of its recordings."""
     values = study.model_dump(mode="json")
     for scenario in values["tests"].values():
         recording = scenario["recording"]

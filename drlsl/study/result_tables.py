@@ -1,4 +1,4 @@
-"""The tables of the report: each a frame of plain numbers, and how that is shown."""
+"""The tables of the report, each with its plain numbers and their display."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -37,19 +37,19 @@ MEASURES: Mapping[str, tuple[str, Callable[[pd.DataFrame], "pd.Series[float]"], 
     "off_road": ("off-road", lambda rows: rows["off_road"] / rows["episodes"], ".3f"),
     "interventions": ("interventions", lambda rows: rows["interventions"], ".2%"),
 }
-"""What is estimated over seeds: per episode, interventions per step."""
+"""Quantities estimated over seeds: per episode, interventions per step."""
 
 COMPARABLE = ("lane_changes", "contacts_at_fault", "off_road", "interventions")
 """Measures that mean the same in every test; returns and steps depend on its frame rate."""
 
 
 COUNTED = ("episodes", "contacts_at_fault", "contacts_not_at_fault", "off_road")
-"""What is counted for every value of a sweep."""
+"""Quantities counted for every value of a sweep."""
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the report: `frame` becomes the CSV, `shown`, made of it, what people read."""
+    """A table of the report: `frame` becomes the CSV, and `shown` is its display for people."""
 
     kind: ClassVar = "table"
     stem: str
@@ -60,7 +60,7 @@ class Table:
 
 
 def table_1(results: Results, test: str, shield: ShieldState) -> Table:
-    """The paper's Table 1 for one test: the mean over seeds, and in brackets what the paper has."""
+    """Return the paper's Table 1 for one test: the mean over seeds, with the paper's number in brackets."""
     scenario, episodes = results.study.tests[test], results.study.evaluation_episodes
     rows = []
     for row, (label, quantity) in TABLE_1_ROWS.items():
@@ -90,7 +90,7 @@ def table_1(results: Results, test: str, shield: ShieldState) -> Table:
 
 
 def contacts(results: Results) -> Table:
-    """Contacts by verdict, off-road and fail-safe steps, summed over seeds."""
+    """Return contacts by verdict, off-road and fail-safe steps, summed over seeds."""
     counted = ["episodes", "completed", "contacts_at_fault", *EXCUSES, "off_road", "fail_safe"]
     keys = ["test", "shield", "method"]
     frame = results.tests.groupby(keys, sort=False)[counted].sum().reset_index()
@@ -99,7 +99,7 @@ def contacts(results: Results) -> Table:
 
 
 def interventions(results: Results) -> Table:
-    """How often the action of highest value was not one that was safe, as a share of all steps."""
+    """Return the share of steps in which the action of highest value was not a safe one."""
     rows = []
     for name in results.study.methods:
         trained = rows_of(results.training, method=name)
@@ -116,7 +116,7 @@ def interventions(results: Results) -> Table:
 
 
 def training(results: Results) -> Table:
-    """Mean rewards per episode of training, and contacts and off-road in all of it."""
+    """Return mean rewards per episode of training, with all its contacts and steps off the road."""
     rows, cells = [], []
     for name, method in results.study.methods.items():
         found = rows_of(results.training, method=name)
@@ -135,7 +135,7 @@ def training(results: Results) -> Table:
 
 
 def convergence(results: Results) -> Table:
-    """When each training's return had converged, and the median over seeds."""
+    """Return the episode at which each training's return converged, and the median over seeds."""
     rows, cells = [], []
     for name, method in results.study.methods.items():
         found = convergence_of(results, name)
@@ -158,7 +158,7 @@ def convergence(results: Results) -> Table:
 
 
 def convergence_of(results: Results, method: str) -> dict[int, int | None]:
-    """By seed, the episode at which the training had converged; None if it never did."""
+    """Return, by seed, the episode at which the training converged; None if it never did."""
     return {
         seed: convergence_episode(
             rows_of(results.training, method=method, seed=seed)["return"].to_numpy(np.float64)
@@ -168,23 +168,23 @@ def convergence_of(results: Results, method: str) -> dict[int, int | None]:
 
 
 def median_episode(episodes: Iterable[int | None]) -> float:
-    """The median of episodes of convergence, infinite for never; NaN if there are none.
+    """Return the median of episodes of convergence, infinite for never; NaN if there are none.
 
-    Unlike a mean, it is there when some training has not converged.
+    Unlike a mean, it is defined when some training has not converged.
     """
     values = [np.inf if episode is None else float(episode) for episode in episodes]
     return float(np.median(values)) if values else np.nan
 
 
 def in_words(episode: float | None) -> str:
-    """An episode of convergence as people read it."""
+    """Return an episode of convergence as text for people."""
     if episode is None or np.isinf(episode):
         return "never"
     return NONE if np.isnan(episode) else f"{episode:g}"
 
 
 def estimates(results: Results, shield: ShieldState) -> Table:
-    """Interquartile means over seeds with their intervals, for each test and over all of them."""
+    """Return interquartile means over seeds with their intervals, for each test and over all tests."""
     rows, cells = [], []
     for test in (*results.study.tests, ALL_TESTS):
         strata = list(results.study.tests) if test == ALL_TESTS else [test]
@@ -213,14 +213,14 @@ def estimates(results: Results, shield: ShieldState) -> Table:
 
 
 def sweep_rows(results: Results, sweep: str) -> pd.DataFrame:
-    """The results of a sweep, with those of its test for the value that it was trained with."""
+    """Return the results of a sweep, including its test's, which has the value of the training."""
     test, value = results.study.sweeps[sweep].test, results.study.trained_value(sweep)
     frames = [rows_of(results.tests, test=test).assign(value=value), rows_of(results.sweeps, test=sweep)]
     return pd.concat([frame for frame in frames if len(frame)] or frames[1:], ignore_index=True)
 
 
 def sweeps(results: Results, shield: ShieldState) -> Table:
-    """Contacts at fault against the strength of each setting, summed over seeds."""
+    """Return contacts at fault for each value of each setting, summed over seeds."""
     rows, cells = [], []
     for sweep, config in results.study.sweeps.items():
         found = rows_of(sweep_rows(results, sweep), shield=shield)
@@ -242,7 +242,7 @@ def sweeps(results: Results, shield: ShieldState) -> Table:
 
 
 def wall_time(results: Results) -> Table:
-    """What a seed of each method took, in minutes of the machine's time."""
+    """Return the wall time per seed of each method, in minutes."""
     tested = pd.concat([results.tests[["method", "wall_s"]], results.sweeps[["method", "wall_s"]]])
     rows = []
     for name in results.study.methods:
@@ -259,7 +259,7 @@ def wall_time(results: Results) -> Table:
 
 
 def rows_of(frame: pd.DataFrame, **values: object) -> pd.DataFrame:
-    """The rows of a table that have these values."""
+    """Return the rows of a table that have these values."""
     chosen = pd.Series(True, index=frame.index)
     for column, value in values.items():
         chosen &= frame[column] == value
@@ -267,7 +267,7 @@ def rows_of(frame: pd.DataFrame, **values: object) -> pd.DataFrame:
 
 
 def seeds_of(results: Results, method: str) -> list[int]:
-    """Seeds of a method's finished trainings."""
+    """Return seeds of a method's finished trainings."""
     return sorted(rows_of(results.training, method=method)["seed"].unique().tolist())
 
 
@@ -303,7 +303,7 @@ def _beside(ours: float | None, theirs: float | None) -> str:
 
 
 def _paper_rewards(row: Mapping[str, object], method: MethodConfig) -> dict[str, str]:
-    """The cells of a row of the training table that the paper gives a number for."""
+    """Return the cells of a row of the training table that the paper gives a number for."""
     titles = {
         FIGURES["collision_reward"][1]: paper.COLLISION_REWARD,
         FIGURES["off_road_reward"][1]: paper.OFF_ROAD_REWARD,
@@ -320,7 +320,7 @@ def _labels(named: Mapping[str, MethodConfig]) -> list[str]:
 
 
 def _in_order(results: Results, frame: pd.DataFrame) -> pd.DataFrame:
-    """Rows by test, shield and method as the study lists them."""
+    """Return rows by test, shield and method in the order of the study."""
     order = {
         name: place for place, name in enumerate([*results.study.tests, *results.study.methods, "off", "on"])
     }
@@ -330,7 +330,7 @@ def _in_order(results: Results, frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _named(results: Results, frame: pd.DataFrame, form: str = ".2f") -> pd.DataFrame:
-    """Labels for names, and numbers as text."""
+    """Return a table with labels for names, and numbers as text."""
     labels = {name: item.label for name, item in results.study.methods.items()}
     labels |= {name: item.label for name, item in results.study.tests.items()}
     shown = {

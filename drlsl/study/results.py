@@ -1,4 +1,4 @@
-"""What the tasks of a study brought: a table of training episodes, and one of tests."""
+"""The results of a study's tasks: a table of training episodes, and one of tests."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from drlsl.study.folder import Failure, StudyFolder
 from drlsl.study.plan import StudyConfig, Task
 
 EXCUSES = [verdict.value for verdict in Verdict if verdict is not Verdict.AT_FAULT]
-"""Why a contact is not the ego's fault."""
+"""Reasons for a contact not to be the ego's fault."""
 
 TRAINING_COLUMNS = ["method", "seed", *METRIC_COLUMNS]
 _TOTALS = [field.name for field in dataclasses.fields(Totals) if field.name != "episodes"]
@@ -22,7 +22,7 @@ SWEEP_COLUMNS = [*TEST_COLUMNS, "value"]
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """All that the report is made from."""
+    """All results that the report is made from."""
 
     study: StudyConfig
     training: pd.DataFrame
@@ -34,14 +34,14 @@ class Results:
     attempts: dict[Task, list[Failure]]
     """The attempts that failed."""
     missing: list[Task]
-    """What has no result, and so is in no table."""
+    """Tasks without a result, which are in no table."""
     inputs: dict[str, Any]
     makers: list[dict[str, Any]]
     """The different machines and versions that made the results."""
 
 
 def collect(folder: StudyFolder) -> Results:
-    """Read what is in a study's folder; the same files give the same results.
+    """Read the results in a study's folder; the same files give the same results.
 
     Raises:
         UserError: a file is damaged.

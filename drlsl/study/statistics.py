@@ -1,4 +1,4 @@
-"""What is said of several seeds: interquartile mean, bootstrap intervals, convergence."""
+"""Statistics over seeds: interquartile mean, bootstrap intervals, convergence."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -20,10 +20,10 @@ BOOTSTRAP_SEED: Final = 20_211_206
 """Every interval is drawn with the same stream, so that the same results give the same report."""
 
 WINDOW_SHARE: Final = 1 / 15
-"""Episodes of the moving average that convergence is read off, as a share of the training: 100 of 1,500."""
+"""Episodes of the moving average that determines convergence, as a share of the training: 100 of 1,500."""
 
 TOLERANCE: Final = 0.05
-"""How far from its final level, as a share of it, a training that has converged may be."""
+"""Largest distance of a converged training from its final level, as a share of that."""
 
 
 class Estimate(NamedTuple):
@@ -35,7 +35,9 @@ class Estimate(NamedTuple):
 
 
 def interquartile_mean(values: Floats) -> Floats:
-    """Mean of the middle half along the last axis, a quarter of the values cut from either end, rounded down.
+    """Return the mean of the middle half along the last axis.
+
+    A quarter of the values, rounded down, is cut from either end.
 
     Source: Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice", 2021.
     """
@@ -45,9 +47,10 @@ def interquartile_mean(values: Floats) -> Floats:
 
 
 def estimate(strata: Sequence[Sequence[float]]) -> Estimate:
-    """Interquartile mean over all runs of all strata, with its stratified percentile bootstrap interval.
+    """Estimate the interquartile mean over all runs of all strata, with its bootstrap interval.
 
-    A stratum holds the runs' results in one test; runs are drawn with replacement within each.
+    A stratum holds the runs' results in one test. The interval is a stratified percentile bootstrap: runs are
+    drawn with replacement within each stratum.
 
     Raises:
         ValueError: there is no value, or one is not finite.
@@ -68,19 +71,20 @@ def estimate(strata: Sequence[Sequence[float]]) -> Estimate:
 
 
 def convergence_window(episodes: int) -> int:
-    """Episodes of the moving average that convergence is read off."""
+    """Return the number of episodes of the moving average that determines convergence."""
     return max(1, round(episodes * WINDOW_SHARE))
 
 
 def convergence_episode(returns: Floats) -> int | None:
-    """First episode, from 1, from which on the return's moving average stays within the tolerance of its end.
+    """Return the first episode from which on the return's moving average stays near its end.
 
-    Shape: (N,). None if that is not reached before the window that the final level is the mean of.
+    Shape: (N,). Episodes count from 1. None if there is no such episode before the window whose mean is the
+    final level.
     """
     window = convergence_window(len(returns))
     average = moving_average(returns, window)
     final = average[-1]
     outside = np.flatnonzero(np.abs(average - final) > TOLERANCE * abs(final))
-    # An average over fewer episodes than the window says little, so none counts that is not full.
+    # An average over fewer episodes than the window says little: only full windows count.
     first = max(window, int(outside[-1]) + 2 if len(outside) else 1)
     return first if first <= len(returns) - window else None

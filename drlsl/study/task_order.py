@@ -1,4 +1,4 @@
-"""The order of the tasks: what is ready, what is tried again, and when all is done."""
+"""The order of the tasks: which are ready, which are tried again, and when the study is done."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from drlsl.study.plan import Task
 from drlsl.study.workers import Workers
 
 TICK_S: Final = 0.5
-"""How often progress is looked at."""
+"""Interval between checks of the progress."""
 
 
 NOTHING_DONE: Final = Failure("the process stopped before the end", "")
@@ -17,25 +17,25 @@ NOTHING_DONE: Final = Failure("the process stopped before the end", "")
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where a study stands."""
+    """The state of a study in progress."""
 
     done: int
     given_up: int
     total: int
     busy: list[Task]
     ended: Task | None = None
-    """The task whose end this tells of."""
+    """The task that has just ended."""
     failure: Failure | None = None
-    """How it failed, if it did."""
+    """Its failure, if it failed."""
 
 
 def work(
     folder: StudyFolder, workers: Workers, stop: Callable[[], bool] = lambda: False
 ) -> Iterator[Progress]:
-    """Do all that is missing, and tell where the study stands, at each task's end and every now and then.
+    """Perform all missing tasks; yield the progress at the end of each task, and at intervals.
 
-    A task that failed is tried again, from where it was, `ATTEMPTS` times in all; failures lie in the folder,
-    so those before an interruption count. Once `stop` holds, tasks in work are stopped.
+    A failed task is resumed, up to `ATTEMPTS` attempts in all; failures are kept in the folder, so those
+    before an interruption count. Once `stop` holds, the tasks in progress are stopped.
     """
     tasks = folder.study.tasks
     try:
@@ -64,7 +64,7 @@ def _start_ready(folder: StudyFolder, workers: Workers, open_tasks: list[Task]) 
     ready = [
         task for task in open_tasks if task not in busy and (not task.needs or folder.is_done(task.needs))
     ]
-    # Tests first: they are short, and a study that is stopped has the more to show.
+    # Tests first: they are short, so a stopped study has more results.
     ready.sort(key=lambda task: task.test is None)
     for task in ready[: workers.free]:
         workers.start(task)

@@ -1,4 +1,4 @@
-"""What a process does for a study: train, or drive a trained policy through a test."""
+"""The tasks of a study: train, or drive a trained policy through a test."""
 
 import platform
 from collections.abc import Callable, Iterator, Sequence
@@ -29,19 +29,19 @@ from drlsl.version import __version__
 
 Stop = Callable[[], bool]
 Perform = Callable[[Path, Task, Stop], None]
-"""Does a task of the study in a folder, and leaves it unfinished, to be gone on with, once asked to stop."""
+"""Performs a task of the study in a folder; once asked to stop, leaves it unfinished, to be resumed."""
 
 SHIELDS: tuple[ShieldState, ...] = ("off", "on")
 
 ORPHAN_S = 60.0
-"""How long to wait for a process that was at work on the same task when its study was killed."""
+"""Time limit for the end of a process that still has the task of a killed study."""
 
 PACKAGES = ("torch", "numpy", "gymnasium", "pandas")
-"""Those whose versions can change a result, as DRLSL's own can."""
+"""Packages whose versions can change a result, as DRLSL's own can."""
 
 
 def perform(root: Path, task: Task, stop: Stop) -> None:
-    """Do a task, or go on with it; it is done when its result is in the folder.
+    """Perform or resume a task; it is done when its result is in the folder.
 
     Raises:
         UserError: the recording or the rules cannot be used, or learning diverged.
@@ -55,7 +55,7 @@ def perform(root: Path, task: Task, stop: Stop) -> None:
 
 
 def inputs_of(study: StudyConfig) -> dict[str, Any]:
-    """What the results depend on beside the settings: digests of all networks, rule programs and recordings.
+    """Return digests of all else that the results depend on: networks, rule programs, recordings.
 
     Raises:
         UserError: a network of the user's own is not found, or a rule file or a recording cannot be read.
@@ -78,7 +78,7 @@ def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
         folder.run(task.run)
         session = Session.resume(root)
     else:
-        # Killed before its first checkpoint, a run has nothing to go on from.
+        # Killed before its first checkpoint, a run has nothing to resume from.
         session = Session.start(root, config, force=root.exists())
     with session:
         for _ in session.run(stop):
@@ -107,7 +107,7 @@ def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
 
 
 def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -> Iterator[dict[str, Any]]:
-    """The records of a policy in one environment, shield off and on; ends early once asked to stop."""
+    """Yield the records of a policy in one environment, shield off and on; ends early once asked to stop."""
     env = make_evaluation_env(config)
     policy = load_policy(folder.run(run), env)
     for shield in SHIELDS:
@@ -122,14 +122,14 @@ def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -
 
 
 def _network_digests(config: NetworkConfig) -> dict[str, str]:
-    """That of the file which defines a network of the user's own."""
+    """Return the digest of the file that defines the user's own network, if there is one."""
     if config.built_in:
         return {}
     return {f"network {config.factory}": digest([factory_file(config.factory)])}
 
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:
-    """By the name of each file that the rule program's clauses came from."""
+    """Return the digests of the rule program's files, by name."""
     engine = Shield.from_files(env.rules).engine
     clauses = (clause for key in engine.predicates() for clause in engine.clauses(*key))
     files = {Path(clause.span.name) for clause in clauses if clause.span is not None}
@@ -142,10 +142,10 @@ def _recording_digests(recordings: Sequence[str]) -> dict[str, str]:
 
 
 def _maker() -> dict[str, Any]:
-    """What made a result: the machine and the versions."""
+    """Return the machine and the versions that made a result."""
     return {"machine": processors(), "python": platform.python_version(), "packages": versions()}
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that can change a result."""
+    """Return the versions of the packages that can change a result."""
     return {"drlsl": __version__, **{name: metadata.version(name) for name in PACKAGES}}

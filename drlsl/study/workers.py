@@ -1,4 +1,4 @@
-"""Who does the tasks of a study: processes on this machine, or a cluster."""
+"""The interface of workers, which perform the tasks of a study: local processes, or a cluster."""
 
 from typing import NamedTuple, Protocol
 
@@ -14,24 +14,24 @@ class Outcome(NamedTuple):
 
 
 class Workers(Protocol):
-    """Does several tasks at once."""
+    """Performs several tasks at once."""
 
     @property
     def busy(self) -> list[Task]:
-        """The tasks in work."""
+        """The tasks in progress."""
 
     @property
     def free(self) -> int:
-        """How many more tasks can be started."""
+        """The number of tasks that can be started now."""
 
     def start(self, task: Task) -> None:
         """Begin a task."""
 
     def wait(self, timeout_s: float) -> list[Outcome]:
-        """The tasks that ended; none if the time is up before."""
+        """Return the tasks that ended; none if the time is up before."""
 
     def stop(self) -> None:
-        """Stop the tasks in work, so that they can be gone on with."""
+        """Stop the tasks in progress, so that they can be resumed."""
 
     def close(self) -> None:
-        """Let go of what is held; no task is in work."""
+        """Release all resources; no task is in progress."""

@@ -82,7 +82,7 @@ def test_ctrl_c_leaves_a_study_that_can_be_gone_on_with(tmp_path: Path) -> None:
     process = begin(out, 0.1)
     until(lambda: trained_rows(out) > 4)
     os.killpg(process.pid, signal.SIGINT)
-    assert "the same command goes on" in finish(process, 130)
+    assert "run the same command to resume" in finish(process, 130)
     assert not list(out.glob("failures/*"))
     assert "16/16" in finish(begin(out))
 
@@ -118,7 +118,7 @@ def test_runs_that_fail_twice_are_in_the_report_and_in_the_status(tmp_path: Path
     ("arguments", "told"),
     [
         (["--preset", "none"], "no preset 'none': expected one of full, paper, smoke"),
-        (["--preset", "smoke", "--config", "x.yaml"], "give one of them"),
+        (["--preset", "smoke", "--config", "x.yaml"], "expected one of them, not both"),
         (["--methods", "sarsa"], "no method 'sarsa': expected some of dqn"),
         (["--config", "missing.yaml"], "cannot read"),
         (["--test", "nowhere.csv"], "nowhere.csv: no such file"),
