@@ -1,4 +1,4 @@
-"""What an environment is made of: frozen, validated, readable from a configuration file."""
+"""The configuration of an environment: frozen, validated, readable from a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EGO_WIDTH: Final = 1.9
 """Width of the ego [m]: a passenger car's; the public code's 8 pixels are 2.46 m, a lorry's."""
 
 TRACK_LENGTH: Final = 840.0
-"""What an episode drives [m]. Source: paper, Training."""
+"""Length of an episode [m]. Source: paper, Training."""
 
 
 PREDICTION_HORIZON: Final = 3.0
@@ -45,14 +45,14 @@ class RewardConfig(BaseModel):
         0.8,
         ge=0,
         le=1,
-        description="How much less a contact or leaving the road costs at the end of the track.",
+        description="Share by which a contact or leaving the road costs less at the end of the track.",
     )
 
 
 class SensingConfig(BaseModel):
-    """What is wrong with what the ego sees of other vehicles; of its own state nothing is. All 0: nothing.
+    """Faults of what the ego sees of other vehicles; it knows its own state exactly. All 0: no faults.
 
-    Contacts, and the gaps that the ego enters in, are those of the road as it is.
+    Contacts, and the gaps in which the ego enters, are those of the true state of the road.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -68,18 +68,18 @@ class SensingConfig(BaseModel):
     )
     drop_rate: float = Field(0.0, ge=0, lt=1, description="Share of the vehicles that are not seen.")
     drop_time: float = Field(1.0, gt=0, description="Mean seconds for which a vehicle is not seen.")
-    latency: float = Field(0.0, ge=0, le=5, description="Seconds by which what is seen is old.")
+    latency: float = Field(0.0, ge=0, le=5, description="Age of the sensed state in seconds.")
 
     @property
     def faulty(self) -> bool:
-        """Whether there is any fault."""
+        """True if there is any fault."""
         return bool(self.position_noise or self.speed_noise or self.drop_rate or self.latency)
 
 
 class EnvConfig(BaseModel):
     """One driving environment.
 
-    Shapes of what it yields: observation (10,), action mask (3,).
+    Shapes: observation (10,), action mask (3,).
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -98,7 +98,7 @@ class EnvConfig(BaseModel):
         (), description="Rule files to consult, in order; none: the default program, highway.pl."
     )
     tier: Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"] = Field(
-        "auto", description="What runs the rules; auto: the fastest that can run this program."
+        "auto", description="Tier that runs the rules; auto: the fastest that can run this program."
     )
     rule_seconds: float | None = Field(
         None,

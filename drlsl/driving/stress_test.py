@@ -35,20 +35,20 @@ _DRAWN: Final = 512
 
 
 def random_policy(world: World, drawn: Floats) -> Actions:
-    """Any of the offered actions, each as likely."""
+    """Return any of the offered actions, with equal probability."""
     return np.asarray(np.argmax((drawn + 1.0) * world.decisions.action_mask, axis=1))
 
 
 def always_change(world: World, drawn: Floats) -> Actions:
-    """A lane change whenever one is offered, to a random side."""
+    """Return a lane change if one is offered, to a random side."""
     weight = drawn + 1.0
     weight[:, Action.LANE_KEEPING] = 0.5
     return np.asarray(np.argmax(weight * world.decisions.action_mask, axis=1))
 
 
 def adversarial(world: World, drawn: Floats) -> Actions:
-    """The offered action with the least margin; of several, the first in the order of `Action`."""
-    # Infinite room is not as bad as not being offered.
+    """Return the offered action with the least margin; of several, the first in the order of `Action`."""
+    # Even a margin of infinity must rank above an action that is not offered.
     margin = np.minimum(margins(world.seen, world.targets()), np.finfo(np.float64).max)
     return np.asarray(np.argmin(np.where(world.decisions.action_mask, margin, np.inf), axis=1))
 
@@ -61,11 +61,12 @@ POLICIES: Final[dict[str, Policy]] = {
 
 
 def margins(scenes: SceneBatch, targets: Floats) -> Floats:
-    """How much room each action leaves [s], shape (N, 3): the least predicted time headway.
+    """Return the margin of each action [s], shape (N, 3): the least predicted time headway.
 
-    Of all vehicles in the way of an ego at `targets` (N, 3), the y [m] that each action leads to: the least
-    gap within 3 s at unchanged speeds, below 0 where one passes through the other, over the speed of the rear
-    one, at least 1 m/s. Without a vehicle there, or where the action changes nothing, infinite.
+    It is taken over all vehicles in the way of an ego at `targets` (N, 3), the y [m] that each action leads
+    to: the least gap within 3 s at unchanged speeds, below 0 where one passes through the other, divided by
+    the speed of the rear one, at least 1 m/s. Infinite without such a vehicle, or if the action changes
+    nothing.
     """
     scene, other = scenes.valid[:, 1:].nonzero()
     other += 1
@@ -87,7 +88,7 @@ def margins(scenes: SceneBatch, targets: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class ContactRecord:
-    """A contact: the episode, its policy, the verdict, the other vehicle and the scene in which they touch.
+    """A contact: its episode and policy, the verdict, the other vehicle and the scene of the contact.
 
     `closing_speed` [m/s]: the difference of the two speeds.
     """
@@ -101,11 +102,11 @@ class ContactRecord:
 
     @property
     def name(self) -> str:
-        """What a file of the scene is called, without its suffix."""
+        """The name of the scene's file, without its suffix."""
         return f"episode-{self.episode}-{self.verdict}-v{self.vehicle}"
 
     def as_json(self) -> dict[str, Any]:
-        """All but the scene."""
+        """Return all fields but the scene."""
         return {
             "episode": self.episode,
             "policy": self.policy,
@@ -117,7 +118,7 @@ class ContactRecord:
 
 @dataclass(slots=True)
 class Counts:
-    """What happened in the episodes that ended."""
+    """Counts over the episodes that ended."""
 
     episodes: int = 0
     steps: int = 0
@@ -138,7 +139,7 @@ class Counts:
         return self.contacts.total() - self.contacts_at_fault
 
     def as_json(self) -> dict[str, Any]:
-        """The counts."""
+        """Return the counts."""
         return {
             "episodes": self.episodes,
             "contacts_at_fault": self.contacts_at_fault,
@@ -154,7 +155,7 @@ class Counts:
 
 @dataclass(slots=True)
 class StressReport:
-    """The counts of each policy, and the worst contacts of all: those at fault first, the faster first."""
+    """The counts of each policy, and the worst contacts: those at fault first, then by closing speed."""
 
     policies: dict[str, Counts] = field(default_factory=dict)
     worst: list[ContactRecord] = field(default_factory=list)
@@ -174,7 +175,7 @@ class StressReport:
         return total
 
     def as_json(self) -> dict[str, Any]:
-        """The counts of all, of each policy, and what the worst contacts were."""
+        """Return the counts of all policies, those of each, and the worst contacts."""
         return {
             **self.total.as_json(),
             "policies": {name: counts.as_json() for name, counts in self.policies.items()},
@@ -190,7 +191,7 @@ class StressReport:
 
 
 class _Draws:
-    """The numbers that policies choose by: each episode has a generator of its own."""
+    """The random numbers of the policies; each episode has a generator of its own."""
 
     def __init__(self, egos: int) -> None:
         self._numbers = np.zeros((egos, _DRAWN, len(Action)))
@@ -198,11 +199,11 @@ class _Draws:
         self._rngs = [np.random.default_rng() for _ in range(egos)]
 
     def begin(self, ego: int, rng: np.random.Generator) -> None:
-        """An episode begins."""
+        """Begin an episode."""
         self._rngs[ego], self._next[ego] = rng, _DRAWN
 
     def take(self) -> Floats:
-        """The next numbers of every ego, shape (N, 3)."""
+        """Return the next numbers of every ego, shape (N, 3)."""
         for ego in np.flatnonzero(self._next == _DRAWN).tolist():
             self._rngs[ego].random(out=self._numbers[ego])
             self._next[ego] = 0
@@ -212,7 +213,7 @@ class _Draws:
 
 
 class _Stress:
-    """Episodes side by side in one world; every ego that is done takes up the next one."""
+    """Episodes side by side in one world; an ego whose episode is over takes the next one."""
 
     def __init__(self, world: World, policies: Sequence[str], episodes: int, seed: int) -> None:
         self._world = world
@@ -224,10 +225,10 @@ class _Stress:
         self.report = StressReport({name: Counts() for name in policies})
 
     def run(self) -> Iterator[StressReport]:
-        """Drive all episodes; yields the report each time some end."""
+        """Drive all episodes; yield the report each time some end."""
         first = self._begin(range(self._world.count))
         self._world.reset(list(first), list(first.values()))
-        # An ego that is done begins anew in the step after.
+        # An ego whose episode is over begins the next one in the following step.
         restarts: dict[int, np.random.Generator] = {}
         while (self._episode >= 0).any():
             result = self._world.step(self._actions(), restarts)
@@ -240,7 +241,7 @@ class _Stress:
                 yield self.report
 
     def _begin(self, egos: Sequence[int]) -> dict[int, np.random.Generator]:
-        """The next episodes, one for each of `egos` while there are any: the generators of their worlds."""
+        """Return the generators of the next episodes, one for each of `egos` while there are any."""
         started = {}
         for ego in egos:
             self._episode[ego] = -1
@@ -253,7 +254,7 @@ class _Stress:
         return started
 
     def _actions(self) -> Actions:
-        """What the policy of each ego's episode chooses."""
+        """Return the choices of each episode's policy."""
         drawn = self._draws.take()
         actions = np.zeros(self._world.count, dtype=np.int64)
         for number, name in enumerate(self._policies):
@@ -299,10 +300,10 @@ def stress(
     seed: int,
     egos: int = EGOS,
 ) -> Iterator[StressReport]:
-    """Run `episodes` episodes; yields the report, ever the same object, each time some end.
+    """Run `episodes` episodes; yield the report, always the same object, each time some end.
 
-    `policies`, names of `POLICIES`, take turns. Episode number i is a function of (`seed`, i) and of its
-    policy; of `config` counts what `World` says.
+    `policies`, names of `POLICIES`, take turns. Episode i is a function of (`seed`, i) and of its policy;
+    `World` says which parts of `config` matter.
     """
     playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
     world = World(config, [playbacks] * min(egos, episodes), shield)

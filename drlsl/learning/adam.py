@@ -16,7 +16,7 @@ EPSILON: Final = 1e-8
 
 
 class Optimiser(Protocol):
-    """What changes the parameters of a network."""
+    """An optimiser of a network's parameters."""
 
     learning_rate: float
 
@@ -37,8 +37,8 @@ class Optimiser(Protocol):
 class Adam:
     """PyTorch's fused Adam by its functional form, without the bookkeeping of the optimiser class.
 
-    The class would make an update 4% slower (docs/training.md, Speed). `parameters` are changed in place by
-    each `step` against `gradient`.
+    The class would make an update 4% slower (docs/training.md, Speed). `step` changes `parameters` in place,
+    by the gradient in `gradient`.
     """
 
     def __init__(self, parameters: torch.Tensor, gradient: torch.Tensor) -> None:
@@ -89,7 +89,7 @@ class Adam:
 
 
 class ModuleAdam:
-    """PyTorch's fused Adam on the parameters of a module, where they have a gradient."""
+    """PyTorch's fused Adam on those parameters of a module that have a gradient."""
 
     def __init__(self, parameters: Iterable[nn.Parameter]) -> None:
         learning = [parameter for parameter in parameters if parameter.requires_grad]
@@ -113,15 +113,15 @@ class ModuleAdam:
         """
         parameters: list[nn.Parameter] = self._adam.param_groups[0]["params"]
         gradients = [parameter.grad for parameter in parameters if parameter.grad is not None]
-        # The sum of all is NaN or infinite where one of them is.
+        # The sum of all is NaN or infinite if one of them is.
         if not torch.stack([gradient.sum() for gradient in gradients]).sum().isfinite():
             raise DivergedError("the gradient is not finite")
-        # Its running means are made in the first step, and must be none of inference mode.
+        # The first step creates its running means, which must not be inference-mode tensors.
         with torch.inference_mode(False):
             self._adam.step()
 
     def get_state(self) -> dict[str, Any]:
-        """Return PyTorch's own state of it, copied."""
+        """Return a copy of PyTorch's own state."""
         state = self._adam.state_dict()
         copied = {
             index: {key: value.cpu().clone() for key, value in one.items()}

@@ -15,9 +15,9 @@ SPREAD: Final = 0.5
 
 
 class NoisyLinear(nn.Linear):
-    """A linear layer whose weights in training mode are mean + spread · noise, and the means in evaluation.
+    """A linear layer with noisy weights: mean + spread · noise in training mode, the means in evaluation.
 
-    The noise of a weight is that of its input times that of its output, until `reset_noise` draws other.
+    The noise of a weight is that of its input times that of its output; `reset_noise` draws it anew.
 
     Source: Fortunato et al., "Noisy networks for exploration", 2018, factorised noise.
     """
@@ -39,7 +39,7 @@ class NoisyLinear(nn.Linear):
         self.noise.copy_(drawn.sign() * drawn.abs().sqrt())
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
-        """Shape: (B, inputs) to (B, outputs)."""
+        """Apply the layer. Shape: (B, inputs) to (B, outputs)."""
         if not self.training:
             return super().forward(values)
         inputs, outputs = self.noise[: self.in_features], self.noise[self.in_features :]
@@ -48,7 +48,7 @@ class NoisyLinear(nn.Linear):
 
 
 class Dueling(nn.Module):
-    """The value of a state and the advantages of its actions, each from a stream of its own.
+    """The value of a state and the advantages of its actions, from two separate streams.
 
     Source: Wang et al., "Dueling network architectures for deep reinforcement learning", 2016, Eq. 9.
     """
@@ -58,7 +58,7 @@ class Dueling(nn.Module):
         self.shared, self.value, self.advantage = shared, value, advantage
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """Shape: (B, S) to (B, A)."""
+        """Return Q-values. Shape: (B, S) to (B, A)."""
         features = self.shared(observations)
         advantage: torch.Tensor = self.advantage(features)
         value: torch.Tensor = self.value(features)
@@ -75,7 +75,7 @@ def mlp(
 def dueling(
     observation_size: int, actions: int, hidden: Sequence[int] = PAPER, *, noisy: bool = False
 ) -> nn.Module:
-    """Make a dueling network: all hidden layers but the last are shared, and the last is there twice."""
+    """Make a dueling network: both streams share all hidden layers but the last."""
     features, linear = (observation_size, *hidden)[-2], _linear(noisy)
 
     def stream(outputs: int) -> nn.Module:
@@ -90,6 +90,6 @@ def _linear(noisy: bool) -> type[nn.Linear]:
 
 
 def _layers(sizes: Sequence[int], noisy: bool) -> list[nn.Module]:
-    """Linear layers of these sizes, each with a ReLU after it."""
+    """Return linear layers of these sizes, each followed by a ReLU."""
     pairs = itertools.pairwise(sizes)
     return [part for inputs, outputs in pairs for part in (_linear(noisy)(inputs, outputs), nn.ReLU())]

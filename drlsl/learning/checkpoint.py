@@ -1,4 +1,4 @@
-"""Checkpoints and weights: files that are written whole, sealed, and read without running code."""
+"""Checkpoints and weights: files that are written whole, with a checksum, and read without running code."""
 
 import io
 import logging
@@ -19,7 +19,7 @@ FORMAT: Final = 3
 """Version of the checkpoint and weight files; they carry a checksum of their content."""
 
 FORMAT_WITHOUT_CHECKSUM: Final = 2
-"""The version before, which is read too, with a warning."""
+"""The previous version, which is still read, with a warning."""
 
 Kind = Literal["checkpoint", "policy"]
 
@@ -40,7 +40,7 @@ _UNREADABLE: Final = (
     ValueError,
     pickle.UnpicklingError,
 )
-"""What PyTorch raises at files that it did not write."""
+"""Exceptions of PyTorch for files that it did not write."""
 
 
 def save_state(path: Path, kind: Kind, state: Mapping[str, Any]) -> None:
@@ -55,7 +55,7 @@ def save_state(path: Path, kind: Kind, state: Mapping[str, Any]) -> None:
 
 
 def load_state(path: Path, kind: Kind) -> dict[str, Any]:
-    """Read what `save_state` wrote, to the bit; nothing in the file can run code.
+    """Read a file of `save_state`, exact to the bit; nothing in the file can run code.
 
     Raises:
         UserError: the file is missing, damaged, of another kind or of another version.
@@ -86,12 +86,12 @@ def load_state(path: Path, kind: Kind) -> dict[str, Any]:
 
 
 def as_tensors(state: Any) -> Any:
-    """Nested plain types with the arrays in them as tensors, for `save_state`."""
+    """Return nested plain types with their arrays as tensors, for `save_state`."""
     return _mapped(state, np.ndarray, torch.tensor)
 
 
 def as_arrays(state: Any) -> Any:
-    """What `as_tensors` was given."""
+    """Undo `as_tensors`."""
     return _mapped(state, torch.Tensor, lambda tensor: tensor.numpy().copy())
 
 

@@ -1,4 +1,4 @@
-"""The configuration of a training run, and how it is read from YAML and shown again."""
+"""The configuration of a training run: its schema, and reading and writing it as YAML."""
 
 import difflib
 import importlib.resources
@@ -30,19 +30,19 @@ OFFERS: Mapping[Method, tuple[str, ...]] = {
     "mpsdqn": ("prediction",),
     "dqnsl": ("rules",),
 }
-"""What a method may have as env.offers."""
+"""Values of env.offers that a method allows."""
 
 BUILT_IN = ("mlp", "dueling")
-"""Networks that need no function of the user's."""
+"""Built-in networks, which need no user function."""
 
 OWN_FACTORY = re.compile(r"(?:.*\.py|[^\W\d]\w*(?:\.[^\W\d]\w*)*):[^\W\d]\w*")
-"""How a function of the user's is named: by its file, or by its module."""
+"""Name of a user's function: by its file, or by its module."""
 
 EXAMPLE = "episodes: 100"
-"""What a configuration holds, as errors say it."""
+"""Words for the kinds of a configuration's values in errors."""
 
 LIKE_ENOUGH = 0.7
-"""How like a known key an unknown one must be to be taken for a slip of the pen."""
+"""Similarity from which on an unknown key counts as a misspelt known one."""
 
 Rate = Annotated[float, Field(gt=0.0, le=1.0)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -50,7 +50,7 @@ Width = Annotated[int, Field(ge=1, le=4096)]
 
 
 class _Section(BaseModel):
-    """A frozen group of settings that refuses keys it does not know."""
+    """A frozen group of settings that refuses unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -89,7 +89,7 @@ class NetworkConfig(_Section):
 
     @property
     def built_in(self) -> bool:
-        """Whether the network is one of DRLSL's own."""
+        """True if the network is one of DRLSL's own."""
         return self.factory in BUILT_IN
 
     @field_validator("factory")
@@ -112,7 +112,7 @@ class LearningConfig(_Section):
     Source: paper, Algorithm 1 and Network and Hyperparameters.
     """
 
-    discount: float = Field(default=0.95, ge=0, lt=1, description="What a reward one step later is worth.")
+    discount: float = Field(default=0.95, ge=0, lt=1, description="Discount factor of the next reward.")
     batch_size: int = Field(default=128, ge=1, le=65_536, description="Transitions in a minibatch.")
     replay_capacity: int = Field(
         default=100_000, ge=1, le=10_000_000, description="Transitions kept; the oldest is overwritten."
@@ -129,7 +129,7 @@ class LearningConfig(_Section):
     )
     bootstrap: Bootstrap = Field(
         default="safe",
-        description="What the target's maximum runs over: all actions, as Algorithm 1 prints it, "
+        description="Actions that the target's maximum runs over: all, as in Algorithm 1, "
         "or those that are offered in the next state (safe).",
     )
 
@@ -164,7 +164,7 @@ class ScheduleConfig(_Section):
 
 
 class EvaluationConfig(_Section):
-    """How a trained policy is judged."""
+    """Evaluation of a trained policy."""
 
     episodes: int = Field(default=50, ge=1, le=100_000, description="Episodes of `drlsl eval`.")
     episodes_after_training: int = Field(
@@ -176,11 +176,11 @@ class EvaluationConfig(_Section):
 
 
 class TrainConfig(_Section):
-    """Everything that decides the outcome of a training run; the defaults are the paper's values."""
+    """Everything that determines the outcome of a training run; the defaults are the paper's values."""
 
     method: Method = Field(
         default="dqnsl",
-        description="What the agent chooses from: all actions (dqn), those that a linear prediction finds "
+        description="Actions that the agent chooses from: all (dqn), those that a linear prediction finds "
         "safe (mpsdqn) or those that the rules do (dqnsl).",
     )
     episodes: int = Field(default=1_500, ge=1, le=10_000_000, description="Episodes of training.")
@@ -216,13 +216,13 @@ class TrainConfig(_Section):
         default_factory=ScheduleConfig, description="Decay of learning rate and exploration."
     )
     evaluation: EvaluationConfig = Field(
-        default_factory=EvaluationConfig, description="How the policy is judged."
+        default_factory=EvaluationConfig, description="Evaluation of the policy."
     )
 
     @model_validator(mode="before")
     @classmethod
     def _prediction_for_mpsdqn(cls, values: Any) -> Any:
-        """Where mpsdqn is asked for and env.offers is not, the one follows from the other."""
+        """Default env.offers to "prediction" for mpsdqn."""
         if isinstance(values, Mapping) and values.get("method") == "mpsdqn":
             env = values.get("env", {})
             if isinstance(env, Mapping):
@@ -240,13 +240,13 @@ class TrainConfig(_Section):
 
 
 def preset_names() -> list[str]:
-    """Names of the configurations that ship with the package."""
+    """Return the names of the configurations that ship with the package."""
     folder = importlib.resources.files("drlsl.learning").joinpath("presets")
     return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
 
 
 def preset_values(name: str) -> dict[str, Any]:
-    """The values a shipped configuration sets.
+    """Return the values that a shipped configuration sets.
 
     Raises:
         UserError: there is no such preset.
@@ -259,7 +259,7 @@ def preset_values(name: str) -> dict[str, Any]:
 
 
 def load_config(path: Path) -> TrainConfig:
-    """Read a training configuration from a YAML file; what it leaves out keeps its default.
+    """Read a training configuration from a YAML file; settings that are not in it keep their defaults.
 
     Raises:
         UserError: the file cannot be read, is not YAML, or holds an unknown key or a bad value.
@@ -269,7 +269,7 @@ def load_config(path: Path) -> TrainConfig:
 
 
 def make_config(values: Mapping[str, Any], source: str, file: YamlFile | None = None) -> TrainConfig:
-    """Check values and make the frozen configuration; `source` and `file` say where each came from.
+    """Check values and make the frozen configuration; `source` and `file` locate them in errors.
 
     Raises:
         UserError: a key is unknown (the message names the nearest known one) or a value is out of bounds.
@@ -287,7 +287,7 @@ def make_config(values: Mapping[str, Any], source: str, file: YamlFile | None = 
 
 
 def with_value(values: Mapping[str, Any], path: str, value: object) -> dict[str, Any]:
-    """A copy of nested values with one of them, named by its dotted path, replaced."""
+    """Return a copy of nested values with one of them, named by its dotted path, replaced."""
     head, _, rest = path.partition(".")
     if not rest:
         return {**values, head: value}
@@ -296,7 +296,7 @@ def with_value(values: Mapping[str, Any], path: str, value: object) -> dict[str,
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested values of `base` with those of `over` laid on top."""
+    """Return the nested values of `base`, updated with those of `over`."""
     result = dict(base)
     for key, value in over.items():
         below = result.get(key)
@@ -306,12 +306,12 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def dump_yaml(config: TrainConfig) -> str:
-    """The complete configuration as YAML that `load_config` reads back to an equal one."""
+    """Return the complete configuration as YAML that `load_config` reads back to an equal one."""
     return to_yaml(config.model_dump(mode="json"))
 
 
 def describe_keys(model: type[BaseModel] = TrainConfig, path: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted path and description of each setting, in order."""
+    """Yield dotted path and description of each setting, in order."""
     for name, field in model.model_fields.items():
         section = _section(field.annotation)
         if section is None:
@@ -335,7 +335,7 @@ def _unknown_keys(model: type[BaseModel], values: Mapping[Any, Any], path: str =
 
 
 def _nearest_key(path: str) -> str:
-    """A hint at the known key that looks most like `path`, wherever it lives."""
+    """Return a hint at the known key most similar to `path`, in any section."""
     keys = [name for name, _ in describe_keys()]
     sections = {name.rpartition(".")[0] for name in keys} - {""}
 
@@ -361,7 +361,7 @@ def _explain(problem: ErrorDetails, source: str, file: YamlFile | None) -> str:
 
 
 def _dotted(location: Iterable[int | str]) -> str:
-    """The path of a value without the names that pydantic gives the alternatives of its type."""
+    """Return the path of a value without the names that pydantic gives the alternatives of its type."""
     model: type[BaseModel] | None = TrainConfig
     parts: list[str] = []
     for part in location:
@@ -374,6 +374,6 @@ def _dotted(location: Iterable[int | str]) -> str:
 
 
 def _where(source: str, file: YamlFile | None, path: str) -> str:
-    """Where a value was given: the nearest enclosing key that the file holds."""
+    """Return where a value was given: the nearest enclosing key in the file."""
     position = None if file is None else file.position(path.split("."))
     return f"{source}: " if position is None else f"{source}:{position[0]}:{position[1]}: "

@@ -1,4 +1,4 @@
-"""Learning that went wrong."""
+"""The error of learning that diverged."""
 
 from drlsl.errors import UserError
 

@@ -1,4 +1,4 @@
-"""Deep Q-learning over the actions that are offered."""
+"""Deep Q-learning over the offered actions."""
 
 import math
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ from drlsl.learning.replay import Batch
 
 
 class Choice(NamedTuple):
-    """Actions for N environments, and those of highest value had every action been offered. Shapes: (N,)."""
+    """Actions chosen for N environments, and those of highest value had all been offered. Shapes: (N,)."""
 
     actions: NDArray[np.int64]
     preferred: NDArray[np.int64]
 
 
 def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Choice:
-    """The offered action of highest value, the first of equals. Shapes: (N, A) and (N, A).
+    """Return the offered action of highest value, the first of equals. Shapes: (N, A) and (N, A).
 
     Raises:
         ValueError: no action is offered.
@@ -38,11 +38,11 @@ def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Ch
 def td_targets(
     next_values: torch.Tensor, batch: Batch, discount: float, bootstrap: Bootstrap
 ) -> torch.Tensor:
-    """Targets y = r + discount · max Q̂(s', a'), and y = r where the episode terminated; truncation is no end.
+    """Return targets y = r + discount · max Q̂(s', a'), or y = r where the episode terminated.
 
     Args:
         next_values: the target network's values of the next states. Shape: (B, A).
-        bootstrap: whether a' runs over "all" actions or over those "safe" in s'.
+        bootstrap: whether a' runs over "all" actions or over those "safe" in s'. Truncation is no end.
 
     Returns:
         Shape: (B,).
@@ -57,14 +57,14 @@ def td_targets(
 
 
 class Loss(NamedTuple):
-    """A loss, and its derivative in each Q-value."""
+    """A loss, and its derivative with respect to each Q-value."""
 
     value: torch.Tensor  # Shape: ()
     slopes: torch.Tensor  # Shape: (B, A)
 
 
 def td_loss(values: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor) -> Loss:
-    """Mean squared error of the values of the actions taken. Shapes: (B, A), (B,), (B,).
+    """Return the mean squared error of the values of the actions taken. Shapes: (B, A), (B,), (B,).
 
     Source: Eq. 1.
     """
@@ -98,7 +98,7 @@ class DqnAgent:
 
     @property
     def learning_rate(self) -> float:
-        """The rate Adam takes its next step with."""
+        """The learning rate of Adam's next step."""
         return self._optimiser.learning_rate
 
     @learning_rate.setter
@@ -122,7 +122,7 @@ class DqnAgent:
 
     @torch.inference_mode()
     def update(self, batch: Batch) -> float:
-        """Take one step of Adam on a minibatch and give its loss.
+        """Take one step of Adam on a minibatch and return its loss.
 
         Raises:
             DivergedError: the loss or its gradient is not finite; the weights are left as they were.
@@ -144,7 +144,7 @@ class DqnAgent:
         return value
 
     def get_state(self) -> dict[str, Any]:
-        """Weights, optimiser, counter and generator, in plain types and tensors."""
+        """Return weights, optimiser, counter and generator, in plain types and tensors."""
         return {
             "network": self.network.get_state(),
             "target": self._target.get_state(),

@@ -1,4 +1,4 @@
-"""One episode: how it is seeded, which actions it offers, and what is counted."""
+"""One episode: its seed, the actions that it offers, and its counts."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from drlsl.learning.config import Method
 
 Mask = NDArray[np.bool_]
 ActionFilter = Callable[[Mask], Mask]
-"""Gives the actions offered where the rules derive those of a mask to be safe. Shape: (N, A) to (N, A)."""
+"""From the actions that the rules derive to be safe, the offered ones. Shape: (N, A) to (N, A)."""
 
 TRAINING_STREAM, EVALUATION_STREAM = 1, 2
-"""Which family of episodes a seed belongs to, so that no training episode is met again in an evaluation."""
+"""The family of episodes that a seed belongs to, so that no evaluation repeats a training episode."""
 
 
 def all_actions(safe: Mask) -> Mask:
@@ -24,7 +24,7 @@ def all_actions(safe: Mask) -> Mask:
 
 
 def rule_safe_actions(safe: Mask) -> Mask:
-    """Offer what the rules derive to be safe, or the prediction if that is asked: the shield is on.
+    """Offer the actions that the rules (or the prediction, if configured) find safe: the shield is on.
 
     Source: Algorithm 1, line 8.
     """
@@ -39,14 +39,14 @@ ACTION_FILTERS: Mapping[Method, ActionFilter] = {
 
 
 def episode_seed(seed: int, stream: int, index: int) -> int:
-    """The seed for an environment's reset, a function of the run's seed and the episode's number alone."""
+    """Return the seed of an environment's reset, a function of the run's seed and the episode's number."""
     sequence = np.random.SeedSequence(seed, spawn_key=(stream, index))
     return int(sequence.generate_state(1)[0])
 
 
 @dataclass(frozen=True, slots=True)
 class EpisodeSummary:
-    """What happened in one episode; reward terms are weighted and sum to the return."""
+    """Totals of one episode; reward terms are weighted and sum to the return."""
 
     steps: int
     total_return: float
@@ -81,11 +81,11 @@ _COUNTED = (
     "interventions",
     "fail_safe",
 )
-"""What a tally adds up in every episode."""
+"""Quantities that a tally adds up in every episode."""
 
 
 class EpisodeTally:
-    """Adds up N episodes step by step; those that are over are begun anew by `clear`."""
+    """Adds up N episodes step by step; `clear` restarts one that is over."""
 
     def __init__(self, count: int) -> None:
         self.sums = np.zeros((len(_COUNTED), count))
@@ -95,7 +95,7 @@ class EpisodeTally:
     def add(
         self, rewards: NDArray[np.float64], info: Mapping[str, Any], offered: Mask, intervened: Mask
     ) -> None:
-        """Count a step of every episode: what was offered before it, and the rewards and info it led to."""
+        """Count a step of every episode: the actions offered before it, and its rewards and info."""
         rows = self._rows
         rows["steps"] += 1
         rows["total_return"] += rewards

@@ -1,4 +1,4 @@
-"""A policy judged: episodes of greedy driving, with the shield or without it."""
+"""Evaluation of a policy: episodes of greedy driving, with the shield or without it."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +23,7 @@ SIDE_BY_SIDE: Final = 25
 
 
 def make_evaluation_env(config: EnvConfig) -> VectorHighway:
-    """The environments to evaluate policies in.
+    """Return the environments to evaluate policies in.
 
     Raises:
         UserError: the recording or the rules cannot be used.
@@ -61,7 +61,7 @@ def drive(
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """Episodes of one evaluation taken together.
+    """Totals over the episodes of one evaluation.
 
     Source: Table 1 (lane changes, collisions, off-road, time steps).
     """
@@ -75,7 +75,7 @@ class Totals:
     """Episodes that reached the end of the track."""
     mean_steps: float
     mean_steps_completed: float | None
-    """Mean over the completed episodes alone, for a contact makes an episode short too; None without one."""
+    """Mean over the completed episodes only, because a contact shortens an episode, too; None without any."""
     mean_speed: float
     """Mean over all steps, m/s."""
     mean_return: float
@@ -86,13 +86,13 @@ class Totals:
 
 
 def totals(summaries: Sequence[EpisodeSummary]) -> Totals:
-    """Take episodes together.
+    """Add up episodes.
 
     Raises:
         ValueError: there are none.
     """
     if not summaries:
-        raise ValueError("no episode to take together")
+        raise ValueError("no episodes to add up")
     steps = sum(item.steps for item in summaries)
     completed = [item.steps for item in summaries if not (item.contact or item.off_road)]
     return Totals(
@@ -112,13 +112,13 @@ def totals(summaries: Sequence[EpisodeSummary]) -> Totals:
 
 
 EVALUATION_KEY = ("env", "shield", "seed", "episodes")
-"""What tells one evaluation of a policy from another."""
+"""Keys that identify an evaluation of a policy."""
 
 
 def as_record(
     summaries: Sequence[EpisodeSummary], *, env: Mapping[str, Any], shield: ShieldState, seed: int
 ) -> dict[str, Any]:
-    """An evaluation as plain values for evaluation.json; `env` is the environment's configuration."""
+    """Return an evaluation as plain values for evaluation.json; `env` is the environment's configuration."""
     together = dataclasses.asdict(totals(summaries))
     count = together.pop("episodes")
     return {

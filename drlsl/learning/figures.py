@@ -25,7 +25,7 @@ FIGURES: Mapping[str, tuple[str, str]] = {
 
 
 def moving_average(values: NDArray[np.float64], window: int) -> NDArray[np.float64]:
-    """Mean of each value and up to `window - 1` before it. Shape: (N,) to (N,)."""
+    """Return the mean of each value and up to `window - 1` before it. Shape: (N,) to (N,)."""
     sums = np.cumsum(np.concatenate(([0.0], values)))
     stop = np.arange(1, len(values) + 1)
     start = np.maximum(stop - window, 0)

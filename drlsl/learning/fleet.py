@@ -1,4 +1,4 @@
-"""N environments that are driven in step, each in an episode of its own."""
+"""N environments that are stepped together, each in an episode of its own."""
 
 from collections.abc import Mapping, Sequence
 from time import perf_counter
@@ -18,7 +18,7 @@ Actions = NDArray[np.int64]
 
 
 class VectorHighway(Protocol):
-    """What is asked of an environment to train in: Gymnasium's VectorEnv, and a state to go on from."""
+    """The interface of environments to train in: Gymnasium's VectorEnv, with a state to resume from."""
 
     num_envs: int
     metadata: dict[str, Any]
@@ -31,20 +31,20 @@ class VectorHighway(Protocol):
         """Begin an episode in every environment that `options["reset_mask"]` marks."""
 
     def step(self, actions: Actions) -> tuple[Observations, NDArray[np.float64], Mask, Mask, dict[str, Any]]:
-        """Drive a step; the arrays are new ones."""
+        """Drive a step; the returned arrays are new ones."""
 
     def get_state(self) -> dict[str, Any]:
-        """All that the next steps depend on, in arrays and plain types."""
+        """Return all that the next steps depend on, in arrays and plain types."""
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave."""
 
     def action_masks(self) -> Mask:
-        """What the rules derive to be safe now. Shape: (N, A)."""
+        """Return the actions that the rules derive to be safe now. Shape: (N, A)."""
 
 
 class Outcome(NamedTuple):
-    """What a step led to. Shapes: (N,); only the rows of environments in an episode mean something."""
+    """The results of a step. Shapes: (N,); only rows of environments in an episode are meaningful."""
 
     rewards: NDArray[np.float64]
     terminated: Mask
@@ -53,7 +53,7 @@ class Outcome(NamedTuple):
 
 
 class Ended(NamedTuple):
-    """An episode that is over."""
+    """A finished episode."""
 
     episode: int
     """Its number, from 1, in the order of beginning."""
@@ -63,13 +63,13 @@ class Ended(NamedTuple):
 
 
 class _Learnt(NamedTuple):
-    """All updates so far, and their losses added up."""
+    """The number of all updates so far, and the sum of their losses."""
 
     updates: int
     loss: float
 
     def mean_since(self, before: "_Learnt") -> float | None:
-        """The mean loss of the updates since; None without one."""
+        """Return the mean loss of the updates since; None without one."""
         updates = self.updates - before.updates
         return (self.loss - before.loss) / updates if updates else None
 
@@ -79,8 +79,8 @@ class Fleet:
 
     An agent may see a window of observations, the latest last; an episode's first one stands for those before
     it. Episodes are numbered as they begin, and each is a function of the run's seed, the `stream` that it
-    belongs to, its number and the actions taken. When no episode is left to begin, an environment drives on
-    for nothing until the others are done.
+    belongs to, its number and the actions taken. When no episode is left to begin, an environment keeps
+    driving, uncounted, until the others are done.
     """
 
     def __init__(
@@ -101,9 +101,9 @@ class Fleet:
         self._stream = stream
         self._window = window
         self.observations = np.zeros((env.num_envs, window * size), np.float32)
-        """What each environment has shown up to now. Shape: (N, window · S)."""
+        """The window of observations of each environment. Shape: (N, window · S)."""
         self.safe = np.zeros((env.num_envs, count), np.bool_)
-        """What the rules derive to be safe now. Shape: (N, A)."""
+        """The actions that the rules derive to be safe now. Shape: (N, A)."""
         self._counted = np.zeros(env.num_envs, np.bool_)
         self._over = np.ones(env.num_envs, np.bool_)
         self._numbers = np.zeros(env.num_envs, np.int64)
@@ -115,7 +115,7 @@ class Fleet:
         self.finished = 0
 
     def begin(self) -> None:
-        """Begin the next episode wherever one is over."""
+        """Begin the next episode in each environment whose episode is over."""
         if not self._over.any():
             return
         seeds: list[int | None] = [None] * len(self._over)
@@ -134,11 +134,11 @@ class Fleet:
         self._over = np.zeros_like(self._over)
 
     def done(self) -> set[int]:
-        """The numbers of the episodes that are over."""
+        """Return the numbers of the episodes that are over."""
         return set(range(1, self._begun + 1)) - set(self._numbers[self._counted].tolist())
 
     def rows(self) -> slice | NDArray[np.int64]:
-        """The environments that are in an episode."""
+        """Return the environments that are in an episode."""
         return slice(None) if self._counted.all() else np.flatnonzero(self._counted)
 
     def step(self, actions: Actions) -> Outcome:
@@ -154,7 +154,7 @@ class Fleet:
     def count(
         self, outcome: Outcome, offered: Mask, intervened: Mask, losses: Sequence[float]
     ) -> list[Ended]:
-        """Add a step, and the updates that it led to, to the episodes; gives those that ended with it."""
+        """Add a step, and its updates, to the episodes; return those that ended with it."""
         self._tally.add(outcome.rewards, outcome.info, offered, intervened)
         self._learnt = _Learnt(self._learnt.updates + len(losses), self._learnt.loss + sum(losses))
         if not outcome.over.any():
@@ -174,7 +174,7 @@ class Fleet:
         return ended
 
     def get_state(self) -> dict[str, Any]:
-        """All that the next steps depend on, in plain types and tensors."""
+        """Return all that the next steps depend on, in plain types and tensors."""
         state: dict[str, Any] = as_tensors(
             {
                 "begun": self._begun,
@@ -188,7 +188,7 @@ class Fleet:
                 "learnt": tuple(self._learnt),
                 "learnt_before": [tuple(one) for one in self._learnt_before],
                 "elapsed_s": perf_counter() - self._started,
-                # Before the first episodes begin there is nothing to go on from.
+                # Before the first episodes begin there is no state to resume from.
                 "env": self._env.get_state() if self._begun else None,
             }
         )
@@ -219,7 +219,7 @@ class Fleet:
 
 
 def space_sizes(observations: gymnasium.Space[Any], actions: gymnasium.Space[Any]) -> tuple[int, int]:
-    """How many values are observed, and how many actions there are.
+    """Return the number of observed values, and the number of actions.
 
     Raises:
         TypeError: the spaces are not a vector of observed values and discrete actions.

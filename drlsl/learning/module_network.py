@@ -1,4 +1,4 @@
-"""A Q-network that is any PyTorch module, learning by autograd."""
+"""A Q-network from any PyTorch module, learning by autograd."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -12,16 +12,16 @@ from drlsl.learning.adam import ModuleAdam
 from drlsl.learning.network_factory import users_code
 
 ROWS: Final = (1, 3)
-"""Observations that a module is tried with before it is trained."""
+"""Number of observations that a module is tested with before training."""
 
 NEAR: Final = {"rtol": 1e-3, "atol": 1e-4}
-"""How near the values of a module that is built again must be to those that it had when it was saved."""
+"""Tolerance between the values of a rebuilt module and those that were saved."""
 
 
 class RandomStream:
-    """A stream of its own of PyTorch's global random numbers, in place while a module is at work.
+    """A separate state of PyTorch's global random numbers, in use while a module computes.
 
-    As a context manager it is what PyTorch's global generators draw from meanwhile.
+    As a context manager it replaces the state of PyTorch's global generators.
     """
 
     def __init__(self, seed: int, device: torch.device) -> None:
@@ -47,20 +47,20 @@ class RandomStream:
             torch.cuda.set_rng_state(state, device)
 
     def get_state(self) -> list[torch.Tensor]:
-        """Return where the stream is."""
+        """Return the state of the stream."""
         return [state.clone() for state in self._states]
 
     def set_state(self, states: Sequence[torch.Tensor]) -> None:
-        """Take over what `get_state` gave; a stream that was on another device begins there where it is."""
+        """Take over what `get_state` gave; on a device that was not saved, the stream keeps its state."""
         self._states = [*states[: len(self._states)], *self._states[len(states) :]]
 
 
 class ModuleNetwork:
     """A module that learns by autograd, and the stream of random numbers that it draws from.
 
-    It is in training mode for an update and in evaluation mode when it acts, unless it explores by noise of
-    its own: a module with a method `reset_noise`, or parts with one, has that called before every step and
-    every update, and acts in training mode too.
+    It is in training mode for an update and in evaluation mode when it acts, unless it explores by its own
+    noise: if the module, or parts of it, have a method `reset_noise`, that is called before every step and
+    every update, and the module acts in training mode, too.
     """
 
     def __init__(self, module: nn.Module, name: str, shape: Sequence[int], stream: RandomStream) -> None:
@@ -75,11 +75,11 @@ class ModuleNetwork:
 
     @property
     def noisy(self) -> bool:
-        """Whether it explores by noise of its own."""
+        """True if it explores by noise of its own."""
         return bool(self._noise)
 
     def twin(self) -> Self:
-        """Return a network like it, with a module of its own and the same stream.
+        """Return an equal network, with a module of its own and the same stream.
 
         Raises:
             UserError: the module cannot be copied.
@@ -95,7 +95,7 @@ class ModuleNetwork:
         return ModuleAdam(self._parameters)
 
     def draw_noise(self) -> None:
-        """Draw the noise of the parts that have any."""
+        """Draw the noise of the parts that have it."""
         if self._noise:
             with torch.inference_mode(False), torch.no_grad(), self._stream:
                 for part in self._noise:
@@ -109,7 +109,7 @@ class ModuleNetwork:
         return self._run(observations, learning=False)
 
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
-        """Return the Q-values, with what `backward` needs behind them. Shape: (B, S) to (B, A)."""
+        """Return the Q-values, from which `backward` starts. Shape: (B, S) to (B, A)."""
         self._set_mode(training=True)
         return [self._run(observations, learning=True)]
 
@@ -123,7 +123,7 @@ class ModuleNetwork:
             torch.autograd.backward(outputs[-1], slopes.clone())
 
     def get_state(self) -> dict[str, Any]:
-        """Return the module's state, what it answers in evaluation, and its random numbers."""
+        """Return the module's state, its values for a few observations, and its random numbers."""
         weights = {key: value.cpu().clone() for key, value in self.module.state_dict().items()}
         return {"weights": weights, "answers": self._answers(), "random": self._stream.get_state()}
 
@@ -131,7 +131,7 @@ class ModuleNetwork:
         """Take over what `get_state` gave; until `draw_noise` there is none.
 
         Raises:
-            ValueError: the state belongs to another module, or to one that answered differently.
+            ValueError: the state belongs to another module, or to one that gave other values.
         """
         expected = {key: (value.shape, value.dtype) for key, value in self.module.state_dict().items()}
         weights = state.get("weights", {})
@@ -144,12 +144,12 @@ class ModuleNetwork:
         self._stream.set_state(state["random"])
         if not torch.allclose(self._answers(), state["answers"], equal_nan=True, **NEAR):
             raise ValueError(
-                f"{self._name} makes another network than when the weights were saved, for it gives other "
+                f"{self._name} makes another network than when the weights were saved: it gives other "
                 "values with them; put its code back as it was"
             )
 
     def _answers(self) -> torch.Tensor:
-        """What the module answers to a few observations in evaluation mode, with always the same noise."""
+        """Return the module's values for a few fixed observations and noise, in evaluation mode."""
         rows, size = ROWS[-1], torch.Size(self._shape).numel()
         device = self._parameters[0].device
         # Spread over [0, 1] by multiples of the golden ratio, the same with every version of PyTorch.
@@ -163,7 +163,7 @@ class ModuleNetwork:
             self.module.train(training)
 
     def _run(self, observations: torch.Tensor, *, learning: bool) -> torch.Tensor:
-        # What a module keeps of a pass would be of no use to autograd, were it made in inference mode.
+        # Tensors that a module keeps from a pass in inference mode would be useless to autograd.
         with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream:
             return self._called(observations)
 
@@ -174,11 +174,11 @@ class ModuleNetwork:
 
 
 def checked_module(made: object, name: str, shape: Sequence[int], actions: int) -> nn.Module:
-    """Return what a factory made, if a Q-network can be trained of it; its dress rehearsal is here.
+    """Return the module that a factory made, after testing that it can be trained as a Q-network.
 
     Raises:
-        UserError: it is no module, has no parameters that learn or others than float32, cannot be copied, or
-            gives no finite values of shape (B, `actions`) that depend on them.
+        UserError: it is no module, has no trainable parameters or any not of float32, cannot be copied, or
+            does not give finite values of shape (B, `actions`) that depend on them.
     """
     if not isinstance(made, nn.Module):
         raise UserError(f"{name}: expected a torch.nn.Module, got a {type(made).__name__}")
@@ -210,7 +210,7 @@ def _refuse_other_types(module: nn.Module, name: str) -> None:
 
 
 def _rehearse(module: nn.Module, name: str, observations: torch.Tensor, actions: int) -> torch.Tensor:
-    """Run a module once and return its values if they can be used."""
+    """Run a module once and return its values, if they are usable."""
     shape = tuple(observations.shape)
     with users_code(f"{name}: its forward pass fails on observations of shape {shape}"):
         values = module(observations)
@@ -231,6 +231,6 @@ def _copied(module: nn.Module, name: str) -> nn.Module:
 
 
 def _parts_with_noise(module: nn.Module) -> list[Any]:
-    """The module itself if it has noise to draw, else those of its parts that do."""
+    """Return the module itself if it has noise to draw, else its parts that do."""
     parts = [part for part in module.modules() if callable(getattr(part, "reset_noise", None))]
     return parts[:1] if parts[:1] == [module] else parts

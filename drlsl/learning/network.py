@@ -1,7 +1,7 @@
 """The Q-network: observations in, one value per action out.
 
-Any module learns by autograd (module_network.py). The paper's network has its gradient written out here, for
-by autograd an update takes 1.4 times as long: docs/training.md, Speed.
+Any module learns by autograd (module_network.py). The paper's network has its gradient written out here,
+because by autograd an update takes 1.4 times as long: docs/training.md, Speed.
 """
 
 import itertools
@@ -22,7 +22,7 @@ from drlsl.learning.network_factory import call_factory
 
 
 class Network(Protocol):
-    """What an agent asks of a network."""
+    """The interface that an agent needs of a network."""
 
     def optimiser(self) -> Optimiser:
         """Make the optimiser of this network."""
@@ -39,13 +39,13 @@ class Network(Protocol):
     def backward(
         self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
     ) -> None:
-        """Find a loss's gradient from its derivative in each Q-value, for the optimiser's next step."""
+        """Compute a loss's gradient from its derivative in each Q-value, for the optimiser's next step."""
 
     def copy_from(self, other: Any) -> None:
         """Take over the values of another network of its kind."""
 
     def get_state(self) -> dict[str, Any]:
-        """Return all that its answers depend on, in plain types and tensors."""
+        """Return all that its values depend on, in plain types and tensors."""
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave.
@@ -62,15 +62,15 @@ class Layer(NamedTuple):
     bias: torch.Tensor  # Shape: (outputs,)
 
     def __call__(self, values: torch.Tensor) -> torch.Tensor:
-        """Shape: (B, inputs) to (B, outputs)."""
+        """Apply the layer. Shape: (B, inputs) to (B, outputs)."""
         return torch.addmm(self.bias, values, self.weight)
 
 
 class QNetwork:
     """Fully connected layers with ReLU between them, their parameters in one vector.
 
-    One vector, because the optimiser and the copy into the target network are then one call each. It asks for
-    no gradient: `backward` writes it into `gradient`, laid out as the parameters.
+    With one vector, the optimiser and the copy into the target network are one call each. Autograd is not
+    used: `backward` writes the gradient into `gradient`, laid out as the parameters.
 
     Source: section "Network and Hyperparameters" (256-256-3).
     """
@@ -97,7 +97,7 @@ class QNetwork:
         return Adam(self.parameters, self.gradient)
 
     def draw_noise(self) -> None:
-        """Take other weights for what follows; here there is no noise in them."""
+        """Do nothing: there is no noise in these weights."""
 
     def copy_from(self, other: "QNetwork") -> None:
         """Take over the parameters of a network of the same shape."""
@@ -108,7 +108,7 @@ class QNetwork:
         return self.forward(observations)[-1]
 
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
-        """What each layer gives, hidden layers after their ReLU; the Q-values are last.
+        """Return the output of each layer, hidden layers after their ReLU; the Q-values are last.
 
         Shape: (B, S) to (B, width) for each layer, (B, A) for the last.
         """
@@ -125,26 +125,26 @@ class QNetwork:
         outputs: Sequence[torch.Tensor],
         slopes: torch.Tensor,
     ) -> None:
-        """Write a loss's gradient in the parameters into `gradient`.
+        """Write the gradient of a loss with respect to the parameters into `gradient`.
 
         Autograd gives the same gradient (tests/learning/test_network.py), but an update takes longer with it:
         docs/training.md, Speed.
 
         Args:
-            observations: what `forward` was given.
-            outputs: what it gave.
-            slopes: the loss's derivative in each Q-value. Shape: (B, A).
+            observations: the input of `forward`.
+            outputs: its result.
+            slopes: the loss's derivative with respect to each Q-value. Shape: (B, A).
         """
         for index in reversed(range(len(self.layers))):
             inputs = outputs[index - 1] if index else observations
             torch.mm(inputs.t(), slopes, out=self._slopes[index].weight)
             torch.sum(slopes, 0, out=self._slopes[index].bias)
             if index:
-                # ReLU's derivative: 1 wherever it gave more than 0, else 0.
+                # ReLU's derivative: 1 where its output is more than 0, else 0.
                 slopes = torch.mm(slopes, self.layers[index].weight.t()).mul_(inputs.sign())
 
     def get_state(self) -> dict[str, torch.Tensor]:
-        """The parameters by layer, named and laid out as PyTorch's Linear has them."""
+        """Return the parameters by layer, named and laid out as in PyTorch's Linear."""
         return _state(self.layers)
 
     def set_state(self, state: Mapping[str, torch.Tensor]) -> None:
@@ -158,11 +158,11 @@ class QNetwork:
 
 
 class NoisyQNetwork(QNetwork):
-    """A network whose weights are drawn anew, each around its mean with a spread that is learnt too.
+    """A network with noisy weights: each is drawn around its mean with a spread that is learnt, too.
 
     The weights in use are mean + spread · noise. `parameters` holds all means and then all spreads, each laid
-    out as the weights are. The noise of a weight is that of its input times that of its output, as the paper
-    has it for speed: far fewer numbers are drawn than there are weights. Until `draw_noise` there is none.
+    out as the weights are. The noise of a weight is that of its input times that of its output, for speed, as
+    in the paper: far fewer numbers are drawn than there are weights. Before `draw_noise` it is 0.
 
     Source: Fortunato et al., "Noisy networks for exploration", 2018, factorised noise.
     """
@@ -203,14 +203,14 @@ class NoisyQNetwork(QNetwork):
     def backward(
         self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
     ) -> None:
-        """Write a loss's gradient in means and spreads into `gradient`; see `QNetwork.backward`."""
+        """Write the gradient with respect to means and spreads into `gradient`; see `QNetwork.backward`."""
         super().backward(observations, outputs, slopes)
         mean, spread = torch.split(self.gradient, len(self._mean))
         mean.copy_(self._weights_gradient)
         torch.mul(self._weights_gradient, self._noise, out=spread)
 
     def get_state(self) -> dict[str, torch.Tensor]:
-        """Means and spreads by layer, named and laid out as PyTorch's Linear has them."""
+        """Return means and spreads by layer, named and laid out as in PyTorch's Linear."""
         return _state(_layers(self.sizes, self._mean)) | _state(_layers(self.sizes, self._spread), "spread.")
 
     def set_state(self, state: Mapping[str, torch.Tensor]) -> None:
@@ -258,7 +258,7 @@ def _module_network(
     generator: torch.Generator,
     device: torch.device,
 ) -> ModuleNetwork:
-    """The network of a configuration as a module that learns by autograd."""
+    """Return the network of a configuration as a module that learns by autograd."""
     name = f"network.factory {config.factory}"
     shape = (observation_size,) if config.window == 1 else (config.window, observation_size)
     stream = RandomStream(int(torch.randint(2**62, (), generator=generator)), device)
@@ -302,14 +302,14 @@ def _layers(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:
     for inputs, outputs in itertools.pairwise(sizes):
         middle = start + inputs * outputs
         stop = middle + outputs
-        # With its longer side laid out in rows, a narrow layer's gradient costs a fifth.
+        # With its longer side laid out in rows, a narrow layer's gradient takes a fifth of the time.
         weight = vector[start:middle].view(min(inputs, outputs), max(inputs, outputs))
         yield Layer(weight if inputs < outputs else weight.t(), vector[middle:stop])
         start = stop
 
 
 def _draw(layer: Layer, generator: torch.Generator) -> None:
-    """Draw a layer as PyTorch draws its own, but from the generator handed in."""
+    """Draw a layer's weights as PyTorch does, but from the given generator."""
     inputs, outputs = layer.weight.shape
     bound = inputs**-0.5
     layer.weight.copy_(torch.empty(outputs, inputs).uniform_(-bound, bound, generator=generator).t())
@@ -317,17 +317,17 @@ def _draw(layer: Layer, generator: torch.Generator) -> None:
 
 
 class Policy:
-    """Q-values of observations; it follows the network as that is trained."""
+    """The Q-values of observations; it follows the network while that is trained."""
 
     def __init__(self, network: Network, device: torch.device, window: int = 1) -> None:
         self._network = network
         self._device = device
         self.window = window
-        """Observations of one row: the latest and those before it, the latest last."""
+        """Number of observations in one row, the latest last."""
 
     @torch.inference_mode()
     def values(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Q-values of N observations, or windows of them. Shape: (N, window · S) to (N, A).
+        """Return Q-values of N observations, or windows of them. Shape: (N, window · S) to (N, A).
 
         Raises:
             ValueError: an observation is not finite.

@@ -1,4 +1,4 @@
-"""A user's own function that makes a Q-network: how it is named, found and called."""
+"""A user's own function that makes a Q-network: naming, finding and calling it."""
 
 import importlib
 import importlib.util
@@ -16,7 +16,7 @@ from drlsl.errors import UserError
 from drlsl.learning.config import NetworkConfig
 
 Factory = Callable[..., Any]
-"""Makes a torch.nn.Module of the numbers of observed values and of actions, and of keyword arguments."""
+"""Makes a torch.nn.Module from the numbers of observed values and of actions, and keyword arguments."""
 
 _LOADING: Final[ContextVar[str]] = ContextVar("loading", default="")
 """The factory whose file is being run."""
@@ -26,10 +26,10 @@ _PACKAGE: Final = Path(__file__).parents[1]
 
 @contextmanager
 def users_code(what: str) -> Iterator[None]:
-    """Report what a user's code raises in one line: the error, and where in that code it came about.
+    """Report an exception of a user's code in one line: the error, and its place in that code.
 
     Raises:
-        UserError: the code raised something.
+        UserError: the code raised an exception.
     """
     try:
         yield
@@ -40,7 +40,7 @@ def users_code(what: str) -> Iterator[None]:
 
 
 def find_factory(name: str) -> Factory:
-    """Find a function or class by FILE.py:NAME or PACKAGE.MODULE:NAME; its file is run if it has not been.
+    """Find a function or class by FILE.py:NAME or PACKAGE.MODULE:NAME, running its file at most once.
 
     Raises:
         UserError: there is no such file, module or function, or the file cannot be run.
@@ -88,7 +88,7 @@ def factory_name(factory: Factory) -> str:
     """Return the name by which another process finds a function or class.
 
     Raises:
-        UserError: it has none, for it was not defined at the top level of a file.
+        UserError: it was not defined at the top level of a file.
     """
     name = getattr(factory, "__qualname__", "")
     module = sys.modules.get(getattr(factory, "__module__", ""))
@@ -111,10 +111,10 @@ def factory_name(factory: Factory) -> str:
 
 
 def refuse_while_loading() -> None:
-    """Refuse to train while the file of a network is run only for its function.
+    """Refuse to train while a network's file is being run to find its function.
 
     Raises:
-        UserError: it is.
+        UserError: a network's file is being run.
     """
     if _LOADING.get():
         raise UserError(
@@ -124,7 +124,7 @@ def refuse_while_loading() -> None:
 
 
 def _of_main(place: str) -> ModuleType | None:
-    """The script that runs, where that is the file or module that is looked for: it is not run again."""
+    """Return the script that is running, if it is the wanted file or module, so that it is not run again."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is not None and spec.name == place:
@@ -141,7 +141,7 @@ def _from_file(path: Path, what: str) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # As for any import: a data class, say, looks its module up while that is run.
+    # As for any import: a data class, for one, looks its module up while it is being run.
     sys.modules[spec.name] = module
     with users_code(f"{what}: cannot run the file"), _importable(path.parent):
         spec.loader.exec_module(module)
@@ -168,7 +168,7 @@ def _importable(folder: Path) -> Iterator[None]:
 
 
 def _described(error: BaseException) -> str:
-    """The kind of an error, the first line of its message, and the last place outside of libraries."""
+    """Return the type of an error, the first line of its message, and its last place outside of libraries."""
     lines = str(error).splitlines()
     text = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
     if isinstance(error, SyntaxError):

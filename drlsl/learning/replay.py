@@ -1,4 +1,4 @@
-"""The replay memory: a ring of transitions and minibatches drawn from it."""
+"""The replay memory: a ring of transitions, and minibatches drawn from it."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -22,8 +22,8 @@ class Batch(NamedTuple):
 class Replay:
     """The last `capacity` transitions, in one preallocated array of records.
 
-    One record holds one transition, so drawing minibatches is a single gather into memory that is always the
-    same, and on a GPU a single transfer; the tensors of a batch are views of that memory.
+    One record holds one transition, so drawing minibatches is a single gather into memory that is reused, and
+    on a GPU a single transfer; the tensors of a batch are views of that memory.
 
     Source: Algorithm 1, the buffer D.
     """
@@ -39,7 +39,7 @@ class Replay:
         batches: int,
         device: torch.device,
     ) -> None:
-        """A memory from which up to `batches` minibatches of `batch_size` are drawn at once."""
+        """Make a memory from which up to `batches` minibatches of `batch_size` are drawn at once."""
         record = np.dtype(
             [
                 ("observations", np.float32, (observation_size,)),
@@ -56,7 +56,7 @@ class Replay:
         self._fields = {name: self._records[name] for name in Batch._fields}
         self._rng = rng
         self._added = 0
-        # PyTorch's memory, for its alignment: a matrix product may round otherwise where it begins otherwise.
+        # PyTorch's memory, for its alignment: a matrix product may round differently with another alignment.
         shape = (batches, batch_size, record.itemsize)
         self._drawn = torch.zeros(shape, dtype=torch.uint8, pin_memory=device.type == "cuda")
         self._drawn_records = self._drawn.numpy().view(record)[..., 0]
@@ -64,7 +64,7 @@ class Replay:
         self._batches = [_batch_of(given, record) for given in self._given]
 
     def __len__(self) -> int:
-        """Transitions held."""
+        """Return the number of transitions held."""
         return min(self._added, len(self._records))
 
     def add(
@@ -76,7 +76,7 @@ class Replay:
         terminated: NDArray[np.bool_],
         next_masks: NDArray[np.bool_],
     ) -> None:
-        """Store N transitions in place of the oldest; a truncated episode's last one is not `terminated`.
+        """Store N transitions in place of the oldest; the last of a truncated episode is not `terminated`.
 
         Shapes as in `Batch`.
 
@@ -100,7 +100,7 @@ class Replay:
         self._added += len(rewards)
 
     def sample(self, count: int) -> Sequence[Batch]:
-        """Draw `count` minibatches uniformly, with replacement; they hold until the next are drawn.
+        """Draw `count` minibatches uniformly, with replacement; they are valid until the next draw.
 
         Raises:
             ValueError: the memory is empty, or was not made for so many minibatches.
@@ -110,14 +110,14 @@ class Replay:
         if count > len(self._batches):
             raise ValueError(f"{count} minibatches from a memory made for {len(self._batches)}")
         drawn = self._drawn_records[:count]
-        # The indices are in range; mode "raise" would gather into memory of its own first.
+        # The indices are in range; mode "raise" would gather into a temporary array first.
         self._records.take(self._rng.integers(len(self), size=drawn.shape), out=drawn, mode="clip")
         if self._given is not self._drawn:
             self._given[:count].copy_(self._drawn[:count])
         return self._batches[:count]
 
     def get_state(self) -> dict[str, Any]:
-        """The transitions held, their count and the generator, in plain types and tensors."""
+        """Return the transitions held, their count and the generator, in plain types and tensors."""
         held = len(self)
         fields = {name: torch.from_numpy(field[:held]).clone() for name, field in self._fields.items()}
         return {"added": self._added, "rng": self._rng.bit_generator.state, "fields": fields}
@@ -142,7 +142,7 @@ _TORCH_TYPES = {"float32": torch.float32, "int64": torch.int64, "bool": torch.bo
 
 
 def _batch_of(given: torch.Tensor, record: np.dtype[Any]) -> Batch:
-    """The fields of B records, seen in their bytes. Shape: (B, bytes)."""
+    """Return the fields of B records as views of their bytes. Shape: (B, bytes)."""
     views = []
     for name in Batch._fields:
         field, offset = record.fields[name][:2]  # type: ignore[index]  # a record's dtype has fields

@@ -1,4 +1,4 @@
-"""The folder of a training run: its files, made whole and kept consistent."""
+"""The folder of a training run: its files, written whole and kept consistent."""
 
 import csv
 import dataclasses
@@ -33,10 +33,10 @@ POLICY, EVALUATION, FIGURES = "policy.pt", "evaluation.json", "figures"
 LOCK, EVALUATION_LOCK = ".lock", ".evaluation.lock"
 
 LOCK_S = 10.0
-"""How long to wait for another process that writes an evaluation."""
+"""Time limit for another process to finish writing an evaluation."""
 
 _COLUMN_OF = {"total_return": "return"}
-"""Columns whose name is not that of the field behind them."""
+"""Columns named differently from their field."""
 METRIC_COLUMNS = [
     "episode",
     "total_steps",
@@ -49,10 +49,10 @@ METRIC_COLUMNS = [
 HEADER = ",".join(METRIC_COLUMNS) + "\n"
 
 TRAINING = "training"
-"""What the lock on a run folder is for."""
+"""Purpose of the lock on a run folder, for its error."""
 
 START_AGAIN = "put back a copy of it, or start again with --force"
-"""What to do without the rows that a run goes on from."""
+"""Advice if the rows that a run resumes from are missing."""
 
 
 class RunFolder:
@@ -67,18 +67,18 @@ class RunFolder:
         """Make the folder, whole or not at all; `force` replaces an earlier run.
 
         Raises:
-            UserError: the folder exists and is not empty, or `force` would delete what no run has written.
+            UserError: the folder exists and is not empty, or `force` would delete files not written by a run.
         """
         _refuse_occupied(root, force)
         if root.exists():
-            # Whoever trains there would go on in a folder that is gone. Not held: Windows moves no open file.
+            # A run training there would lose its folder. Not held: Windows cannot move an open file.
             FolderLock(root, LOCK, TRAINING).release()
         cls._make(root, config)
         return cls(root, config)
 
     @staticmethod
     def _make(root: Path, config: TrainConfig) -> None:
-        """Make the folder aside and put it in its place."""
+        """Make the folder aside and move it to its place."""
         try:
             root.parent.mkdir(parents=True, exist_ok=True)
             made = Path(tempfile.mkdtemp(prefix=f".{root.name}.", dir=root.parent))
@@ -98,7 +98,7 @@ class RunFolder:
         """Open an existing run.
 
         Raises:
-            UserError: there is no run in the folder, or its configuration is not the one it began with.
+            UserError: there is no run in the folder, or its configuration was changed.
         """
         path = root / CONFIG
         if not path.is_file():
@@ -107,26 +107,26 @@ class RunFolder:
         return cls(root, load_config(path))
 
     def lock(self) -> FolderLock:
-        """Keep others from training in this folder.
+        """Lock the folder against other processes that would train in it.
 
         Raises:
-            UserError: another process does.
+            UserError: another process is training in it.
         """
         return FolderLock(self.root, LOCK, TRAINING)
 
     @property
     def checkpoint(self) -> Path:
-        """Where the learner's state is kept."""
+        """The file of the learner's state."""
         return self.root / CHECKPOINT
 
     @property
     def policy(self) -> Path:
-        """Where the network's weights are kept."""
+        """The file of the network's weights."""
         return self.root / POLICY
 
     @property
     def figures(self) -> Path:
-        """Where the training figures are kept."""
+        """The folder of the training figures."""
         return self.root / FIGURES
 
     def append_metrics(self, event: EpisodeEvent) -> None:
@@ -145,15 +145,16 @@ class RunFolder:
             raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
 
     def sync_metrics(self) -> str:
-        """Force the rows to the disk, so that no checkpoint is ever ahead of them; gives their SHA-256."""
+        """Force the rows to the disk, so that no checkpoint is ever ahead of them; return their SHA-256."""
         with (self.root / METRICS).open("rb+") as file:
             os.fsync(file.fileno())
             return hashlib.file_digest(file, "sha256").hexdigest()
 
     def keep_metrics(self, episodes: Collection[int], sha256: str | None = None) -> None:
-        """Keep one row of each of these episodes: others were lost with the state behind them.
+        """Keep one row for each of these episodes; the state behind all others was lost.
 
-        What was written twice, or half, goes too. `sha256`: what `sync_metrics` gave when these were all.
+        Rows that were written twice, or half, are dropped, too. `sha256`: the value of `sync_metrics` when
+        the file held exactly these rows.
 
         Raises:
             UserError: the file is missing or damaged, or lacks the row of an episode.
@@ -177,11 +178,11 @@ class RunFolder:
             raise UserError(f"{path}: no row of the finished episode {missing[0]}; {START_AGAIN}")
         kept = "".join([HEADER, *rows.values()]).encode()
         if sha256 not in (None, hashlib.sha256(kept).hexdigest()):
-            raise UserError(f"{path}: damaged: not the rows that were there at the checkpoint; {START_AGAIN}")
+            raise UserError(f"{path}: damaged: not the rows of the checkpoint; {START_AGAIN}")
         write_atomic(path, kept)
 
     def metrics(self, sha256: str | None = None) -> pd.DataFrame:
-        """The rows so far, one per episode; `sha256`, where given, is that of the file.
+        """Return the rows so far, one per episode; `sha256`, if given, must be that of the file.
 
         Raises:
             UserError: the file is missing, or is not the metrics of a run, or not those of that checksum.
@@ -200,10 +201,10 @@ class RunFolder:
         return frame
 
     def save_evaluations(self, evaluations: Iterable[dict[str, Any]], key: Iterable[str]) -> Path:
-        """Put evaluations into evaluation.json, each in place of an earlier one equal in all of `key`.
+        """Put evaluations into evaluation.json; each replaces an earlier one equal in all of `key`.
 
         Raises:
-            UserError: the file that is there is not one of ours, or is damaged.
+            UserError: the existing file is not one of ours, or is damaged.
         """
         path = self.root / EVALUATION
         names = list(key)
@@ -215,7 +216,7 @@ class RunFolder:
         return path
 
     def evaluations(self) -> list[dict[str, Any]]:
-        """What evaluation.json holds; empty before the first evaluation.
+        """Return the contents of evaluation.json; empty before the first evaluation.
 
         Raises:
             UserError: the file is not one of ours, or is damaged.
@@ -234,7 +235,7 @@ class RunFolder:
 
 
 def next_free_folder(parent: Path, stem: str) -> Path:
-    """The first of stem, stem-2, stem-3, … that does not exist in `parent`."""
+    """Return the first of stem, stem-2, stem-3, … that does not exist in `parent`."""
     number, path = 1, parent / stem
     while path.exists():
         number += 1
@@ -251,22 +252,22 @@ def _refuse_occupied(root: Path, force: bool) -> None:
     if not found:
         return
     if not force:
-        hint = "--resume goes on with it, --force replaces it" if CONFIG in found else "choose another --out"
+        hint = "--resume resumes it, --force replaces it" if CONFIG in found else "choose another --out"
         raise UserError(f"{root}: the folder exists; {hint}")
     foreign = sorted(name for name in found if not _is_ours(name))
     if foreign or CONFIG not in found:
         what = f"holds {foreign[0]}" if foreign else f"holds no {CONFIG}"
-        raise UserError(f"{root}: not replaced, for it {what} and so is not only a run; choose another --out")
+        raise UserError(f"{root}: not replaced: it {what}, so it is not only a run; choose another --out")
 
 
 def _is_ours(name: str) -> bool:
-    """Whether a run writes a file of this name, or had begun to when it was killed."""
+    """Return whether a run writes a file of this name, or leaves one when it is killed."""
     known = (CONFIG, METRICS, CHECKPOINT, POLICY, EVALUATION, FIGURES, LOCK, EVALUATION_LOCK)
     return name in known or name.startswith(tuple(f".{item}." for item in known))
 
 
 def _put_in_place(made: Path, root: Path) -> None:
-    """Rename a finished folder to its place; what stood there is deleted only after that."""
+    """Rename a finished folder to its place; what was there is deleted only afterwards."""
     if not root.exists():
         made.rename(root)
         return
@@ -277,7 +278,7 @@ def _put_in_place(made: Path, root: Path) -> None:
 
 
 def _episode_of(line: str) -> int | None:
-    """The number of the episode that a row of the metrics is of; None where it is no whole row."""
+    """Return the episode's number in a row of the metrics; None if the row is incomplete."""
     cells = line.split(",")
     whole = line.endswith("\n") and len(cells) == len(METRIC_COLUMNS)
     return int(cells[0]) if whole and cells[0].isdecimal() else None

@@ -7,7 +7,7 @@ from drlsl.learning.config import TrainConfig
 
 @dataclass(frozen=True, slots=True)
 class LinearSchedule:
-    """A value that goes in a straight line from `start` to `end` and stays there.
+    """A value that changes linearly from `start` to `end` and stays there.
 
     Source: paper, Algorithm 1, line 17.
     """
@@ -15,10 +15,10 @@ class LinearSchedule:
     start: float
     end: float
     duration: float
-    """Episodes from the first value to the last; 0 keeps the first value."""
+    """Number of episodes from the first value to the last; 0 keeps the first value."""
 
     def __call__(self, episode: int) -> float:
-        """The value in an episode, counted from 0."""
+        """Return the value in an episode, counted from 0."""
         if episode >= self.duration > 0.0:
             return self.end
         progress = episode / self.duration if self.duration > 0.0 else 0.0
@@ -26,13 +26,13 @@ class LinearSchedule:
 
 
 def learning_rate_schedule(config: TrainConfig) -> LinearSchedule:
-    """Adam's learning rate by episode."""
+    """Return Adam's learning rate by episode."""
     schedule = config.schedule
     return LinearSchedule(schedule.learning_rate_start, schedule.learning_rate_end, _duration(config))
 
 
 def epsilon_schedule(config: TrainConfig) -> LinearSchedule:
-    """The exploration rate ε by episode; 0 where noise in the weights explores instead."""
+    """Return the exploration rate ε by episode; 0 if noise in the weights explores instead."""
     schedule = config.schedule
     if config.network.noisy:
         return LinearSchedule(0.0, 0.0, 0.0)
@@ -40,5 +40,5 @@ def epsilon_schedule(config: TrainConfig) -> LinearSchedule:
 
 
 def _duration(config: TrainConfig) -> float:
-    """Episodes of decay: with fraction 1 the last episode, and no other, has the end value."""
+    """Return the episodes of decay: with fraction 1 only the last episode has the end value."""
     return config.schedule.fraction * (config.episodes - 1)

@@ -1,4 +1,4 @@
-"""A training run from its folder: started, gone on with, and finished."""
+"""A training run in its folder: starting, resuming and finishing it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_dev
 
 
 class Session:
-    """A trainer and the run folder that records it, in which nobody else trains until it is closed.
+    """A trainer and the run folder that records it, locked against others until it is closed.
 
     As a context manager it is closed at the end.
     """
@@ -34,10 +34,10 @@ class Session:
 
     @classmethod
     def start(cls, root: Path, config: TrainConfig, *, force: bool = False) -> Self:
-        """Begin a new run; the folder is made only once the environment and the learner stand.
+        """Begin a new run; the folder is made only once the environment and the learner exist.
 
         Raises:
-            UserError: the environment cannot be made, the folder is occupied, or somebody else trains there.
+            UserError: the environment cannot be made, or the folder is occupied or used by another process.
         """
         trainer = Trainer(make_training_env(config), config)
         folder = RunFolder.create(root, config, force=force)
@@ -47,10 +47,10 @@ class Session:
 
     @classmethod
     def resume(cls, root: Path) -> Self:
-        """Go on with a run from its last checkpoint; metrics rows after it are dropped, to be made again.
+        """Resume a run from its last checkpoint; metrics rows after it are dropped, to be made again.
 
         Raises:
-            UserError: there is no run, another process is at work on it, or its files do not fit one another.
+            UserError: there is no run, another process is training it, or its files are inconsistent.
         """
         folder = RunFolder.open(root)
         lock = folder.lock()
@@ -74,12 +74,12 @@ class Session:
             raise UserError(f"{folder.checkpoint}: {error}") from error
         folder.keep_metrics(trainer.done(), state.get("metrics"))
         session = cls(folder, trainer, lock)
-        # A run that was killed between the two has the weights of the checkpoint before.
+        # A run that was killed between the two has the weights of the previous checkpoint.
         session._save_policy()
         return session
 
     def close(self) -> None:
-        """Let others go on with the run."""
+        """Unlock the folder."""
         self._lock.release()
 
     def __enter__(self) -> Self:
@@ -89,7 +89,7 @@ class Session:
         self.close()
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> Iterator[StepEvent]:
-        """Train on, recording each episode; once `stop` holds, the run ends with the step in hand.
+        """Train, recording each episode; once `stop` holds, the run ends with the current step.
 
         A checkpoint is written every few episodes, at the end and on `stop`.
         """
@@ -105,7 +105,7 @@ class Session:
                 return
 
     def checkpoint(self) -> None:
-        """Write the whole state of the learner, then the weights by themselves."""
+        """Write the whole state of the learner, then the weights separately."""
         trainer = self.trainer
         state = {
             "config": self.folder.config.model_dump(mode="json"),
@@ -131,7 +131,7 @@ class Session:
 
 
 def load_policy(folder: RunFolder, env: VectorHighway) -> Policy:
-    """The policy of a run as its last checkpoint left it, for an environment with the same spaces.
+    """Return the policy of a run's last checkpoint, for an environment with the same spaces.
 
     Raises:
         UserError: the weights are missing, damaged, or of another network than config.yaml describes, or that
@@ -139,7 +139,7 @@ def load_policy(folder: RunFolder, env: VectorHighway) -> Policy:
     """
     state = load_state(folder.policy, "policy")
     config = folder.config
-    # Not in a policy of before there were others than fully connected ones.
+    # Missing in files from before there were other networks than fully connected ones.
     made_by = state.get("made_by")
     if made_by is not None and NetworkConfig.model_validate(made_by) != config.network:
         raise UserError(f"{folder.policy}: the weights do not fit the network of config.yaml")
@@ -152,7 +152,7 @@ def load_policy(folder: RunFolder, env: VectorHighway) -> Policy:
 
 
 def make_training_env(config: TrainConfig) -> VectorHighway:
-    """The environments of a training.
+    """Return the environments of a training.
 
     Raises:
         UserError: the recording or the rules cannot be used.
@@ -175,11 +175,11 @@ def train(
     """Train from the first episode to the last, as `drlsl train` does, and return the run's folder.
 
     Args:
-        out: where the run folder is made.
+        out: the new run folder.
         network: mlp, dueling, or a function or class at the top level of a file that makes a torch.nn.Module
             of the numbers of observed values and of actions; or the settings of a network, with such a
             `factory` among them.
-        preset: what the settings start from.
+        preset: the settings to start from.
         force: whether an earlier run in `out` is replaced.
         settings: any others, such as `episodes=100, env={"recording": "freeway"}`.
 
@@ -196,7 +196,7 @@ def train(
 
 
 def _plain_settings(network: str | Factory | Mapping[str, Any] | None) -> dict[str, Any]:
-    """The settings of a network as a file has them: a function by its name."""
+    """Return the settings of a network as in a file: a function by its name."""
     if isinstance(network, Mapping):
         factory = network.get("factory")
         return {**network, **(_plain_settings(factory) if factory is not None else {})}

@@ -19,12 +19,12 @@ from drlsl.learning.schedule import epsilon_schedule, learning_rate_schedule
 
 @dataclass(frozen=True, slots=True)
 class EpisodeEvent:
-    """One episode is over: a row of the metrics."""
+    """A finished episode: a row of the metrics."""
 
     episode: int
-    """Number of the episode, from 1, in the order of beginning."""
+    """Number of the episode, from 1, in the order of their beginnings."""
     finished: int
-    """Episodes that are over by now, this one among them."""
+    """Number of finished episodes, this one included."""
     total_steps: int
     summary: EpisodeSummary
     epsilon: float
@@ -35,7 +35,7 @@ class EpisodeEvent:
 
 
 class StepEvent(NamedTuple):
-    """Every environment has taken a step, and each of these steps has been learnt from."""
+    """A step of every environment, with the updates that followed."""
 
     total_steps: int
     losses: Sequence[float]
@@ -61,11 +61,11 @@ class Trainer:
 
     @property
     def finished(self) -> int:
-        """Episodes that are over."""
+        """The number of finished episodes."""
         return self._fleet.finished
 
     def done(self) -> set[int]:
-        """The numbers of the episodes that are over."""
+        """Return the numbers of the finished episodes."""
         return self._fleet.done()
 
     def run(self) -> Iterator[StepEvent]:
@@ -73,7 +73,7 @@ class Trainer:
 
         Raises:
             DivergedError: a Q-value, a loss or a gradient is not finite.
-            UserError: the module of the user's own raises an error.
+            UserError: the user's own module raises an error.
             ValueError: the environment gave an observation that is not finite, or offered no action.
         """
         while self.finished < self._config.episodes:
@@ -125,7 +125,7 @@ class Trainer:
         return [self.agent.update(batch) for batch in self._replay.sample(updates)]
 
     def get_state(self) -> dict[str, Any]:
-        """Everything the next step depends on."""
+        """Return all that the next step depends on."""
         return {
             "total_steps": self.total_steps,
             "fleet": self._fleet.get_state(),
@@ -137,7 +137,7 @@ class Trainer:
         """Take over what `get_state` gave.
 
         Raises:
-            UserError: the rules or the recording are not what they were.
+            UserError: the rules or the recording have changed.
             ValueError: the state belongs to another network.
         """
         self.total_steps = state["total_steps"]
@@ -149,7 +149,7 @@ class Trainer:
 def make_learner(
     observations: gymnasium.Space[Any], actions: gymnasium.Space[Any], config: TrainConfig
 ) -> tuple[DqnAgent, Replay]:
-    """An untrained agent and an empty replay memory, with their own random streams from the run's seed.
+    """Return an untrained agent and an empty replay memory, with random streams from the run's seed.
 
     Sets PyTorch's number of threads for the process.
 
@@ -183,7 +183,7 @@ def make_learner(
 
 
 def resolve_device(device: Device) -> torch.device:
-    """The device a configuration means.
+    """Return the device that a configuration means.
 
     Raises:
         UserError: CUDA is asked for and PyTorch has none.

@@ -247,7 +247,7 @@ def test_a_value_of_another_kind_is_refused_by_name(field: str, value: object) -
 
 
 def test_a_lane_beyond_64_bits_has_no_place_in_a_batch() -> None:
-    with pytest.raises(ValueError, match="a lane of scene 1 is no integer of 64 bits"):
+    with pytest.raises(ValueError, match="a lane of scene 1 is not an integer of 64 bits"):
         SceneBatch.of([SCENE, replace(SCENE, ego=SCENE.ego._replace(lane=2**64))])
 
 

@@ -131,7 +131,7 @@ def test_a_printed_config_prints_itself(tmp_path: Path, capsys: pytest.CaptureFi
         (["--config", "none.yaml"], "cannot read the configuration none.yaml"),
         (["--method", "ppo"], "ppo"),
         (["--episodes", "many"], "'--episodes'"),
-        (["--resume"], "name the run to go on with by --out"),
+        (["--resume"], "name the run to resume with --out"),
         (["--resume", "--out", "nowhere"], "nowhere: no run here"),
         (["--resume", "--out", "x", "--force"], "leave out --force"),
         (["--resume", "--out", "x", "--print-config"], "leave out --force"),
@@ -209,7 +209,7 @@ def test_a_stopped_process_resumes_bit_for_bit(number: signal.Signals, num_envs:
     else:
         assert (process.returncode, err) == (128 + number, "")
         last = out.splitlines()[-1]
-        assert last.endswith(f"go on with: drlsl train --out {tmp_path / 'run'} --resume")
+        assert last.endswith(f"resume with: drlsl train --out {tmp_path / 'run'} --resume")
         stored = load_state(tmp_path / "run" / "checkpoint.pt", "checkpoint")
         assert f"saved at step {stored['trainer']['total_steps']};" in last
     assert run(["train", "--resume", "--out", "run"]) == 0

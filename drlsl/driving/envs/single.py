@@ -30,7 +30,7 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
     def __init__(
         self, config: EnvConfig | None = None, *, shield: Shield | None = None, **settings: Any
     ) -> None:
-        """An environment of `config`, or of `settings`, fields of `EnvConfig`.
+        """Make the environment of `config`, or of `settings`, fields of `EnvConfig`.
 
         Raises:
             UserError: the recording or the rules cannot be used.
@@ -56,7 +56,7 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         """Drive one recorded frame.
 
         Raises:
-            TypeError, ValueError: the action is none of those that there are; nothing is driven.
+            TypeError, ValueError: the action is not an `Action`; nothing is driven.
         """
         result = self.world.step([one_action(action)])
         return (
@@ -68,13 +68,13 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         )
 
     def action_masks(self) -> npt.NDArray[np.bool_]:
-        """Which actions the rules offer now, shape (3,)."""
+        """Return the mask of the actions that the rules offer now, shape (3,)."""
         if self._decisions is None:
             raise RuntimeError("reset the environment before asking for its action mask")
         return np.asarray(self._decisions.action_mask[0])
 
     def scene(self) -> Scene:
-        """The scene that the rules were last asked about."""
+        """Return the last scene that the rules were asked about."""
         return self.world.scene(0)
 
     def _observe(self, decisions: Decisions) -> Observation:
@@ -101,5 +101,5 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
 
 
 def make_env(config: EnvConfig) -> HighwayEnv:
-    """The environment of `config`, without Gymnasium's wrappers."""
+    """Return the environment of `config`, without Gymnasium's wrappers."""
     return HighwayEnv(config)

@@ -25,14 +25,14 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 
 
 class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
-    """N highways driven in step: observations float32 (N, 10), actions (N,).
+    """N highways driven together: observations float32 (N, 10), actions (N,).
 
-    Sub-environment i is to the bit what `HighwayEnv` is with the same configuration and seed. `info` holds
-    the same as there, as arrays with a first axis of N, each with a mask beside it (`speed`, `_speed`), as
-    Gymnasium has it: `action_mask` is int8 (N, 3).
+    Sub-environment i equals, to the bit, a `HighwayEnv` with the same configuration and seed. `info` holds
+    the same keys, as arrays with a first axis of N, each with a mask beside it (`speed`, `_speed`), as in
+    Gymnasium: `action_mask` is int8 (N, 3).
 
-    All autoreset modes of Gymnasium are there: NEXT_STEP, SAME_STEP with `final_obs` and `final_info`, and
-    DISABLED with `options={"reset_mask": mask}` of `reset`.
+    All autoreset modes of Gymnasium are supported: NEXT_STEP, SAME_STEP with `final_obs` and `final_info`,
+    and DISABLED with `options={"reset_mask": mask}` of `reset`.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
@@ -47,9 +47,9 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         playbacks: Sequence[Playback] | None = None,
         **settings: Any,
     ) -> None:
-        """`num_envs` environments of one `config`, or of `settings`, its fields; or one for each of several.
+        """Make `num_envs` environments of one `config`, or of `settings`, or one for each of several configs.
 
-        Several configurations may differ in recording and direction. `playbacks`, where given, stand for the
+        Several configurations may differ in recording and direction. `playbacks`, if given, replace the
         recordings.
 
         Raises:
@@ -80,7 +80,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self._no_reason = _constant(self.num_envs, "")
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Be a copy: what infos share stays not to be written to."""
+        """Restore a copy; arrays shared between infos stay read-only."""
         vars(self).update(state)
         for shared in (self._all, self._nothing, self._no_reason):
             shared.setflags(write=False)
@@ -111,7 +111,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
 
         Raises:
             ResetNeeded: autoreset is disabled and an episode is over.
-            TypeError, ValueError: the actions are not N of those that there are; nothing is driven.
+            TypeError, ValueError: `actions` are not N valid actions; nothing is driven.
         """
         again: list[int] = np.flatnonzero(self._over).tolist() if self._over.any() else []
         if again and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
@@ -126,11 +126,11 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         return self._observations(), result.reward, result.terminated, result.truncated, info
 
     def action_masks(self) -> Mask:
-        """Which actions the rules offer now, shape (N, 3)."""
+        """Return the masks of the actions that the rules offer now, shape (N, 3)."""
         return self.world.decisions.action_mask
 
     def get_state(self) -> dict[str, Any]:
-        """The state of every environment between two steps, in arrays and plain types."""
+        """Return the state of every environment between two steps, in arrays and plain types."""
         return {"world": self.world.get_state(), "over": self._over.copy()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -148,7 +148,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         return seeds
 
     def _asked(self, options: dict[str, Any] | None) -> Mask:
-        """Which environments a reset is of, shape (N,)."""
+        """Return the mask of the environments to reset, shape (N,)."""
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return self._all
@@ -159,7 +159,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         return mask
 
     def _reset_within(self, over: Mask, info: dict[str, Any]) -> dict[str, Any]:
-        """Begin the next episodes at once; what the last step of the ended ones brought is kept beside."""
+        """Begin the next episodes at once; the last results of the ended ones are kept beside."""
         final_obs = np.full(self.num_envs, None, dtype=object)
         places = np.flatnonzero(over).tolist()
         observations = self._observations()
@@ -174,7 +174,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         return self.world.decisions.observation.astype(np.float32)
 
     def _info(self, result: StepResult | None, told: Mask, began: Sequence[int] = ()) -> dict[str, Any]:
-        """What is told of the environments that `told` marks, as after a reset where there is no result."""
+        """Return the info of the environments that `told` marks; without a result, as after a reset."""
         decisions, world, nothing = self.world.decisions, self.world, self._nothing
         contact, at_fault, reason = nothing, nothing, self._no_reason
         if result is not None and result.contacts:
@@ -215,12 +215,12 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
 def make_vec(
     config: EnvConfig, num_envs: int, autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP
 ) -> HighwayVectorEnv:
-    """The vector environment of `config`, without Gymnasium's wrappers."""
+    """Return the vector environment of `config`, without Gymnasium's wrappers."""
     return HighwayVectorEnv(config, num_envs=num_envs, autoreset_mode=autoreset_mode)
 
 
 def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> list[EnvConfig]:
-    """One configuration for each environment."""
+    """Return one configuration for each environment."""
     if isinstance(config, EnvConfig):
         configs = [config] * (1 if num_envs is None else num_envs)
     else:
@@ -238,14 +238,14 @@ def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> l
 
 
 def _constant(count: int, value: bool | str) -> npt.NDArray[Any]:
-    """An array that infos share where there is nothing to tell; not to be written to."""
+    """Return a read-only array that infos share if there is nothing to report."""
     result = np.full(count, value, dtype=np.bool_ if isinstance(value, bool) else object)
     result.setflags(write=False)
     return result
 
 
 def _with_masks(columns: dict[str, Any], told: Mask) -> dict[str, Any]:
-    """The columns, each with a mask of who has it."""
+    """Return the columns, each with a mask of the environments that have it."""
     return {
         key: value for name, column in columns.items() for key, value in ((name, column), (f"_{name}", told))
     }
@@ -256,7 +256,7 @@ def _names(info: dict[str, Any]) -> Iterable[str]:
 
 
 def _merged(info: dict[str, Any], other: dict[str, Any], places: Mask) -> dict[str, Any]:
-    """`info` with what `other` tells of `places`."""
+    """Return `info` with the values of `other` in `places`."""
     result = dict(info)
     for name in _names(info):
         if isinstance(info[name], dict):
@@ -268,7 +268,7 @@ def _merged(info: dict[str, Any], other: dict[str, Any], places: Mask) -> dict[s
 
 
 def _only(info: dict[str, Any], places: Mask) -> dict[str, Any]:
-    """What `info` tells of `places`, blank for the others."""
+    """Return the values of `info` in `places`, blank elsewhere."""
     result: dict[str, Any] = {}
     for name in _names(info):
         column = info[name]

@@ -1,4 +1,4 @@
-"""What speaks against an action, in words and in pictures."""
+"""Reasons against actions, in words and in pictures."""
 
 import lazy_loader
 

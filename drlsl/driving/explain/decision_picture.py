@@ -1,4 +1,4 @@
-"""A picture of a decision: what is offered, who speaks against the rest, and how many metres are missing."""
+"""A picture of a decision: the offered actions, the objections to the others, and the missing metres."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LEADER_COLOUR: Final = "#CC79A7"
 """Bluish green and reddish purple, to go with the colours of other pictures. Source: Okabe and Ito (2008)."""
 
 MOST_ROWS: Final = 4
-"""Vehicles that are measured to on one side of the road; further ones are only named."""
+"""Dimension lines on one side of the road; further vehicles are only named."""
 
 _ROW: Final = 0.38
 """Height of a dimension line with its words [inch]."""
@@ -43,7 +43,7 @@ _LEAST_LANE: Final = 0.62
 """Height of the narrowest lane [inch]: arrows and words need room."""
 
 _TOLERANCE: Final = 0.01
-"""How near to a distance the rules' gap is to be taken for it [m]."""
+"""Largest difference at which the rules' gap is identified with a distance [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Dimension:
 
 
 def dimension(ego: Vehicle, other: Vehicle, objection: Objection) -> Dimension | None:
-    """Where the gap of an objection is; None where it is no distance that the picture knows."""
+    """Return the dimension line of an objection; None if its gap is no distance in the picture."""
     gap, missing = objection.gap, objection.missing
     if gap is None or missing is None:
         return None
@@ -84,7 +84,7 @@ def draw_decision(
     unsafe: Mapping[Action, Sequence[Objection]],
     speed: SpeedReason | None = None,
 ) -> Figure:
-    """The scene with an arrow for every action, and for vehicles that object the gap and what it lacks.
+    """Draw the scene with an arrow for every action, and the gaps of vehicles that object.
 
     Solid green arrows are offered; dashed vermilion ones that are crossed out are not, with the reason beside
     them, or, where vehicles are too close, as dimension lines beside the road. `speed` names the vehicle that
@@ -144,7 +144,7 @@ class _Row:
     objections: tuple[Objection, ...]
 
     def words(self) -> str:
-        """What stands there."""
+        """Return the text of the line."""
         if len(self.objections) == 1:
             return self.objections[0].words()
         names = ", ".join(str(one.vehicle) for one in self.objections)
@@ -154,7 +154,7 @@ class _Row:
 def _rows(
     scene: Scene, unsafe: Mapping[Action, Sequence[Objection]], cars: Mapping[str, Vehicle]
 ) -> list[_Row]:
-    """What is measured, on the side of the road that the action leads to, the nearest vehicle first."""
+    """Return the rows on the side of the road that the action leads to, the nearest vehicle first."""
     sides: dict[Side, list[Objection]] = {"above": [], "below": []}
     for action, found in unsafe.items():
         close = [one for one in found if one.vehicle in cars and one.missing is not None]
@@ -168,13 +168,13 @@ def _rows(
 
 
 def _turn(scene: Scene, action: Action) -> int:
-    """The sign of y that an action leads to; 0 for lane keeping."""
+    """Return the sign of y that an action leads to; 0 for lane keeping."""
     way = {Action.LANE_KEEPING: 0, Action.LEFT_LANE_CHANGE: -1, Action.RIGHT_LANE_CHANGE: 1}
     return way[action] * scene.forward
 
 
 def _draw_row(canvas: Canvas, scene: Scene, row: _Row, cars: Mapping[str, Vehicle]) -> None:
-    """A dimension line with its words; thin lines lead to what it measures."""
+    """Draw a dimension line with its words, and thin lines to what it measures."""
     axes, inch = canvas.axes, 1 / canvas.across
     lanes = [lane.centre + side * lane.width / 2 for lane in scene.road.lanes for side in (-1, 1)]
     bodies = [car.y + side * car.width / 2 for car in (scene.ego, *cars.values()) for side in (-1, 1)]
@@ -202,7 +202,7 @@ def _draw_row(canvas: Canvas, scene: Scene, row: _Row, cars: Mapping[str, Vehicl
 
 
 def _draw_dimension(canvas: Canvas, points: Sequence[tuple[float, float]], *, has_gap: bool) -> None:
-    """The gap as a thin line, what it lacks as a bar, ticks where they end."""
+    """Draw the gap as a thin line, the missing length as a bar, and ticks at their ends."""
     from matplotlib.patheffects import Normal, Stroke
 
     ego, other, end = points
@@ -230,7 +230,7 @@ def _draw_dimension(canvas: Canvas, points: Sequence[tuple[float, float]], *, ha
 def _draw_actions(
     canvas: Canvas, scene: Scene, decision: Decision, unsafe: Mapping[Action, Sequence[Objection]]
 ) -> None:
-    """An arrow for every action from the ego's front into the lane that it leads to."""
+    """Draw an arrow for every action from the ego's front into the lane that it leads to."""
     from matplotlib.patheffects import Normal, Stroke
 
     ego, heading = scene.ego, scene.forward
@@ -271,7 +271,7 @@ def _draw_actions(
 
 
 def _aim(scene: Scene, action: Action) -> float:
-    """The y that an action leads to: a lane's centre, or beside the road where there is no lane."""
+    """Return the y that an action leads to: a lane's centre, or beside the road if there is no lane."""
     road, turn = scene.road, _turn(scene, action)
     own = road.lane(scene.ego.lane)
     if not turn:
@@ -283,7 +283,7 @@ def _aim(scene: Scene, action: Action) -> float:
 
 
 def _draw_legend(canvas: Canvas, colours: Mapping[str, str], *, others: bool) -> None:
-    """What colours and lines mean, below the picture."""
+    """Draw the meaning of colours and lines below the picture."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -23,7 +23,7 @@ OTHER_COLOUR: Final = "#999999"
 """Blue, vermilion and grey: told apart with any colour vision, and in print. Source: Okabe and Ito (2008)."""
 
 ARROW_TIME: Final = 0.25
-"""Velocity arrows are as long as the way in this time [s]."""
+"""Velocity arrows show the distance driven in this time [s]."""
 
 LABEL_SIZE: Final = 8.0
 """Size of letters [point]."""
@@ -38,16 +38,16 @@ _LEFT: Final = 1.05
 _RIGHT: Final = 0.2
 _ABOVE: Final = 0.1
 _BELOW: Final = 0.55
-"""What stands around the road: lanes to the left, the scale of x below [inch]."""
+"""Margins around the road: lanes to the left, the scale of x below [inch]."""
 
 _TITLE_LETTERS: Final = 105
-"""Letters of a title that fit in one line."""
+"""Number of letters of a title that fit in one line."""
 
 _LINE: Final = 0.2
 """Height of a line of text [inch]."""
 
 _BESIDE: Final = 8.0
-"""What is shown beyond the outermost vehicles along the road [m]."""
+"""Length of road shown beyond the outermost vehicles [m]."""
 
 _SHORTEST: Final = 40.0
 """The least length of road in a picture [m]."""
@@ -58,7 +58,7 @@ _POINT: Final = 1 / 72
 
 @dataclass(slots=True)
 class Canvas:
-    """The axes of a picture, and where its words stand; x and y in m, places on paper in inches.
+    """The axes of a picture, and the places of its words; x and y in m, places on paper in inches.
 
     `left`, `right` [m] are the ends of the road that is shown, `top` the least y [m]; a metre along the road
     is `along` inches on paper, one across it `across`.
@@ -74,7 +74,7 @@ class Canvas:
     _taken: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     def block(self, x: float, y: float, length: float, width: float) -> None:
-        """No words on a box with that centre."""
+        """Keep words off a box with that centre."""
         self._taken.append(
             (
                 (x - length / 2 - self.left) * self.along,
@@ -94,9 +94,9 @@ class Canvas:
         shifts: Sequence[float] = (0.0, 0.3, -0.3),
         colour: str = "black",
     ) -> bool:
-        """Write the first of the variants that fits above or below a place; False where none does.
+        """Write the first of the variants that fits above or below a place; return whether one does.
 
-        `half` [m] is how far from y the words keep off; `shifts`, in widths of the words, are tried along x.
+        `half` [m] is the distance of the words from y; `shifts`, in widths of the words, are tried along x.
         """
         for words in variants:
             width, height = text_size(words)
@@ -135,7 +135,7 @@ class Canvas:
 
 
 def text_size(words: str) -> tuple[float, float]:
-    """Width and height of words on paper [inch], with some air around them."""
+    """Return width and height of words on paper [inch], with a small margin."""
     from matplotlib.textpath import TextPath
 
     lines = words.splitlines()
@@ -151,11 +151,11 @@ def draw_scene(
     focus: str | None = None,
     notes: Mapping[str, str] | None = None,
 ) -> Figure:
-    """The road with its lanes and directions, the ego, the vehicles in range and their velocities.
+    """Draw the road with its lanes and directions, the ego, the vehicles in range and their velocities.
 
-    `focus` is the vehicle that matters, drawn in a colour of its own; `notes` are words beside vehicles, by
-    id; `caption` stands below. Where the road is too long to be drawn to scale in both axes, it is stretched
-    across by a whole factor, which the picture states.
+    `focus` is a vehicle to draw in a colour of its own; `notes` are words beside vehicles, by id; `caption`
+    is written below. If the road is too long to be drawn to scale in both axes, it is stretched across by a
+    whole factor, which the picture states.
     """
     canvas = draw_road(scene, title=title, caption=caption)
     colours = {} if focus is None else {focus: FOCUS_COLOUR}
@@ -164,10 +164,10 @@ def draw_scene(
 
 
 def save_picture(figure: Figure, path: str | Path) -> None:
-    """Write a picture; the kind of file follows from the name's ending, as `.png`, `.pdf` or `.svg`.
+    """Write a picture; the format follows from the ending of the name, such as `.png`, `.pdf` or `.svg`.
 
     Raises:
-        UserError: there is no such kind, or the file cannot be written.
+        UserError: the format is unknown, or the file cannot be written.
     """
     check_picture_path(path)
     try:
@@ -177,7 +177,7 @@ def save_picture(figure: Figure, path: str | Path) -> None:
 
 
 def check_picture_path(path: str | Path) -> None:
-    """See that the name of a picture ends in a kind that matplotlib can write.
+    """Check that the name of a picture ends in a format that matplotlib can write.
 
     Raises:
         UserError: it does not.
@@ -202,7 +202,7 @@ def draw_road(
     below: float = 0.0,
     least_lane: float = LEAST_LANE,
 ) -> Canvas:
-    """The road as far as vehicles and `places` [m] reach, no lane of it less than `least_lane` [inch] high.
+    """Draw the road around vehicles and `places` [m], each lane at least `least_lane` [inch] high.
 
     Beside the road `above` and `below` [inch] are left free.
     """
@@ -235,7 +235,7 @@ def draw_road(
 
 
 def _extent(scene: Scene, places: Iterable[float]) -> tuple[float, float, float, float]:
-    """What is shown: least and greatest x, least and greatest y [m]."""
+    """Return the limits of the picture: least and greatest x, least and greatest y [m]."""
     cars = (scene.ego, *scene.in_range())
     ends = [car.x + side * car.length / 2 for car in cars for side in (-1, 1)]
     ends += [car.x + car.vx * ARROW_TIME + math.copysign(car.length / 2, car.vx) for car in cars]
@@ -248,7 +248,7 @@ def _extent(scene: Scene, places: Iterable[float]) -> tuple[float, float, float,
 
 
 def _draw_lanes(axes: Axes, scene: Scene, left: float, right: float) -> None:
-    """Lanes as strips, the ego's target lane darker, with arrows that say which way they run."""
+    """Draw lanes as strips, the ego's target lane darker, with arrows for their directions."""
     lanes = scene.road.lanes
     edges: dict[float, int] = {}
     names = []
@@ -293,10 +293,10 @@ def draw_vehicles(
     notes: Mapping[str, str],
     ego_arrow: bool = True,
 ) -> None:
-    """The ego and the vehicles in range, as boxes to scale with velocities, names and speeds.
+    """Draw the ego and the vehicles in range to scale, with velocities, names and speeds.
 
-    `colours` and `notes` are by id. Where there is no room for all the words there are fewer: first those of
-    vehicles that have no colour of their own go, the farthest first.
+    `colours` and `notes` are by id. If there is no room for all words, those of vehicles without a colour of
+    their own are left out first, the farthest first.
     """
     cars = [*scene.in_range(), scene.ego]
     for car in cars:
@@ -317,7 +317,7 @@ def draw_vehicles(
 
 
 def _draw_vehicle(axes: Axes, car: Vehicle, colour: str, *, arrow: bool) -> None:
-    """A box to scale with its velocity."""
+    """Draw a box to scale with its velocity."""
     from matplotlib.patches import Rectangle
 
     corner = (car.x - car.length / 2, car.y - car.width / 2)

@@ -1,4 +1,4 @@
-"""Why an action is not offered, and who is in which section, as the rules tell it."""
+"""The reasons against actions, and the nearest vehicle of each section, from the rules."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Objection:
 
     @property
     def missing(self) -> float | None:
-        """By how much the gap is too short [m]."""
+        """The missing length of the gap [m]."""
         return None if self.gap is None or self.needed is None else self.needed - self.gap
 
     def as_json(self) -> dict[str, Any]:
-        """The fields that are given."""
+        """Return the fields that are set."""
         fields = {
             "reason": self.reason,
             "vehicle": self.vehicle,
@@ -47,7 +47,7 @@ class Objection:
         return {name: value for name, value in fields.items() if value is not None}
 
     def words(self) -> str:
-        """The reason for people."""
+        """Return the reason in words."""
         if self.gap is None or self.needed is None or self.missing is None:
             details = [
                 printable(detail) if isinstance(detail, str) else f"{detail:.4g}" for detail in self.details
@@ -69,30 +69,30 @@ class BusySection:
 
 @dataclass(frozen=True, slots=True)
 class SpeedReason:
-    """The vehicle that decides the target speed, and what that would be `without` it [m/s]."""
+    """The vehicle that determines the target speed, and the target speed `without` it [m/s]."""
 
     vehicle: str
     without: float
 
     def as_json(self) -> dict[str, Any]:
-        """Both fields."""
+        """Return both fields."""
         return {"vehicle": self.vehicle, "without": self.without}
 
     def words(self) -> str:
-        """The reason for people."""
+        """Return the reason in words."""
         return f"{printable(self.vehicle)} decides it; without it {self.without:.2f} m/s"
 
 
 def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
-    """For every action that `decision` does not offer, what speaks against it: see `objections_to`."""
+    """Return the objections to every action that `decision` does not offer: see `objections_to`."""
     return objections_to(shield, (action for action in Action if action not in decision.safe_actions))
 
 
 def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, list[Objection]]:
-    """What speaks against each of some actions that are not offered, nearest vehicle first.
+    """Return the objections to each of some actions that are not offered, nearest vehicle first.
 
-    Asks `objection(Action, Reason)` about the scene that was told last; a program that does not define it
-    gives no reasons.
+    Queries `objection(Action, Reason)` in the scene of the engine's current facts; a program that does not
+    define it gives no reasons.
 
     Raises:
         PrologError: the rules raised an error.
@@ -107,9 +107,9 @@ def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, lis
 
 
 def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
-    """The nearest vehicle of each section in the scene that was decided last, None where the section is free.
+    """Return the nearest vehicle of each section in the last scene, None for a free section.
 
-    Asks `busy_section(Section, Car, Gap)`; a program that does not define it has no busy section to tell.
+    Queries `busy_section(Section, Car, Gap)`; a program that does not define it has no busy section.
 
     Raises:
         PrologError: the rules raised an error.
@@ -128,9 +128,9 @@ def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
 
 
 def speed_reason(shield: Shield, scene: Scene, target_speed: float) -> SpeedReason | None:
-    """The vehicle without which `target_speed` [m/s] would be most another; None where no single one matters.
+    """Return the vehicle with the greatest effect on `target_speed` [m/s]; None if no single one has any.
 
-    The rules are asked about the scene once more without each vehicle in turn, and then told `scene` again.
+    The rules are queried again without each vehicle in turn; then the facts of `scene` are restored.
 
     Raises:
         RuleFailure, PrologError: the rules raised an error.

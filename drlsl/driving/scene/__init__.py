@@ -1,4 +1,4 @@
-"""A moment of traffic: one scene or many, the facts that tell the rules about it, and the actions."""
+"""A moment of traffic: one scene or many, the facts that describe it to the rules, and the actions."""
 
 import lazy_loader
 

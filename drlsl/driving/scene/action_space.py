@@ -1,8 +1,8 @@
-"""Actions as they are given to an environment: what is one, and what is refused.
+"""Validation of actions that are given to an environment.
 
-The judge is Gymnasium's `Discrete`: integers from 0 to 2 of any kind, NumPy's among them, and arrays of no
-dimension. A float is none, 2.0 included, for a number that was computed may be 2.9999 the next time. Nor is
-a bool, though Python counts it among the integers: it comes from a mask, not from a choice.
+The criterion is Gymnasium's `Discrete`: integers from 0 to 2 of any type, NumPy's included, and arrays of no
+dimension. A float is refused, 2.0 included, because a computed number may be 2.9999 the next time. So is a
+bool, though Python counts it among the integers: it comes from a mask, not from a choice.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ KNOWN: Final = ", ".join(f"{number} {atom}" for number, atom in enumerate(ATOMS)
 
 
 def one_action(given: Any) -> int:
-    """The number of the action that is given.
+    """Return the number of an action.
 
     Raises:
-        TypeError: it is no integer.
+        TypeError: it is not an integer.
         ValueError: no action has that number.
     """
     if isinstance(given, int) and not isinstance(given, bool):
@@ -40,11 +40,11 @@ def one_action(given: Any) -> int:
 
 
 def several_actions(given: Any, count: int) -> Integers:
-    """The numbers of `count` actions, shape (N,), from an array of integers or a sequence of them.
+    """Return the numbers of `count` actions, shape (N,), from an array of integers or a sequence of them.
 
     Raises:
-        TypeError: they are no integers.
-        ValueError: there are more or fewer, they are of another shape, or no action has such a number.
+        TypeError: they are not integers.
+        ValueError: their number or shape is wrong, or a number is not an action's.
     """
     numbers = given if type(given) is np.ndarray else _array(given, count)
     if numbers.dtype.kind not in "iu":
@@ -60,7 +60,7 @@ def several_actions(given: Any, count: int) -> Integers:
 
 
 def _array(given: Any, count: int) -> npt.NDArray[Any]:
-    """What is given as an array; a sequence holds integers, or it would be rounded to some or filled up."""
+    """Return the given actions as an array; a sequence must hold integers, which NumPy would not check."""
     if isinstance(given, list | tuple):
         if len(given) != count:
             raise ValueError(
@@ -73,5 +73,5 @@ def _array(given: Any, count: int) -> npt.NDArray[Any]:
 
 
 def _shown(given: object) -> str:
-    """What was given, short and in one line."""
+    """Return the given value as text, short and in one line."""
     return " ".join(reprlib.repr(given).split())

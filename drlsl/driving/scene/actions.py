@@ -1,4 +1,4 @@
-"""The agent's three actions and the atoms that rule programs call them by."""
+"""The agent's three actions and their atoms in rule programs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drlsl.errors import UserError
 
 
 class Action(IntEnum):
-    """What the agent may choose; the value is its index in Q-values and masks.
+    """An action of the agent; the value is its index in Q-values and masks.
 
     Source: paper, Action Space.
     """
@@ -31,10 +31,10 @@ _BY_ATOM: Final = {action.atom: action for action in Action}
 
 
 def action_of_atom(atom: object) -> Action:
-    """The action that `atom` names.
+    """Return the action that `atom` names.
 
     Raises:
-        UserError: the atom names none; an unknown action must never pass for another one.
+        UserError: the atom names no action; an unknown one must never pass for another.
     """
     action = _BY_ATOM.get(atom) if isinstance(atom, str) else None
     if action is None:

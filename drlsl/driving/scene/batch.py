@@ -23,11 +23,11 @@ EGO_ID: Final = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneBatch:
-    """N scenes with up to K vehicles each: the ego in column 0, in the `valid` slots who is in range.
+    """N scenes with up to K vehicles each: the ego in column 0, the vehicles in range in the `valid` slots.
 
     `road` (N,) indexes `roads`; `target_lane` (N,) lane ids; the rest are of shape (N, K + 1): `id`, `lane`
-    ids, `x`, `y` [m], `vx`, `vy` [m/s], `length`, `width` [m]. Numbers of slots that are not valid are
-    finite and mean nothing.
+    ids, `x`, `y` [m], `vx`, `vy` [m/s], `length`, `width` [m]. Numbers in slots that are not valid are finite
+    but undefined.
     """
 
     roads: tuple[Road, ...]
@@ -47,7 +47,7 @@ class SceneBatch:
         return len(self.road)
 
     def scene(self, index: int) -> Scene:
-        """One scene of the batch; vehicle 12 is called v12."""
+        """Return one scene of the batch; vehicle 12 is called v12."""
         rows = np.flatnonzero(self.valid[index]).tolist()
         columns = (self.id, self.lane, self.x, self.y, self.vx, self.vy, self.length, self.width)
         ids, *numbers = (column[index][rows].tolist() for column in columns)
@@ -60,7 +60,7 @@ class SceneBatch:
         """Make the batch of `scenes`, each with the vehicles in range, numbered in their order.
 
         Raises:
-            TypeError, ValueError: a lane is no integer of 64 bits, or another value no number.
+            TypeError, ValueError: a lane is not an integer of 64 bits, or another value not a number.
         """
         roads: dict[Road, int] = {}
         road = [roads.setdefault(scene.road, len(roads)) for scene in scenes]
@@ -75,7 +75,7 @@ class SceneBatch:
             try:
                 lane[n, : len(vehicles)] = [vehicle[1] for vehicle in vehicles]
             except OverflowError as error:
-                raise ValueError(f"a lane of scene {n} is no integer of 64 bits") from error
+                raise ValueError(f"a lane of scene {n} is not an integer of 64 bits") from error
             valid[n, : len(vehicles)] = True
         ids = np.broadcast_to(np.arange(EGO_ID, slots + EGO_ID), valid.shape)
         return cls.from_numbers(
@@ -100,16 +100,16 @@ class SceneBatch:
         lane: Integers,
         valid: Mask,
     ) -> SceneBatch:
-        """A batch whose x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
+        """Make a batch; x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
         x, y, vx, vy, length, width = numbers
         return cls(roads, road, target_lane, id, lane, x, y, vx, vy, length, width, valid)
 
     def put(self, places: Integers, scenes: SceneBatch) -> None:
-        """Write `scenes`, of as many slots and the same roads, into `places`."""
+        """Write `scenes`, with the same number of slots and the same roads, into `places`."""
         put_rows(self, places, scenes)
 
     def replaced(self, places: Integers, scenes: SceneBatch) -> SceneBatch:
-        """A copy in which `scenes`, of as many slots and the same roads, stand in `places`."""
+        """Return a copy with `scenes`, of the same number of slots and the same roads, in `places`."""
         result = copied(self)
         result.put(places, scenes)
         return result

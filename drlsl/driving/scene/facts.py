@@ -1,4 +1,4 @@
-"""The facts that tell a rule program about a scene, and what they look like."""
+"""The facts that describe a scene to a rule program, and their schema."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ SCHEMA: Final = Schema(
         Relation("centre_tolerance", ("float",), single=True),
     ]
 )
-"""What the facts of a scene look like."""
+"""The schema of a scene's facts."""
 
 
 def road_facts(road: Road) -> Facts:
-    """The facts that hold for every scene on one road."""
+    """Return the facts that hold for every scene on one road."""
     return {
         ("road_lane", 5): [
             (lane.id, lane.direction.value, lane.centre, lane.width, lane.speed_limit) for lane in road.lanes
@@ -54,7 +54,7 @@ def road_facts(road: Road) -> Facts:
 
 
 def scene_facts(scene: Scene) -> Facts:
-    """The facts of one moment: the ego first, then the vehicles in radar range."""
+    """Return the facts of one moment: the ego first, then the vehicles in radar range."""
     return {
         ("vehicle", 8): [scene.ego, *scene.in_range()],
         ("target_lane", 1): [(scene.target_lane,)],

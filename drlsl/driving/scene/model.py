@@ -14,7 +14,7 @@ EGO: Final = "ego"
 
 
 class Vehicle(NamedTuple):
-    """A vehicle's box and velocity; in this order the row of a `vehicle/8` fact.
+    """A vehicle's box and velocity, in the order of the arguments of `vehicle/8`.
 
     `lane` is the id of the lane that holds the centre, 0 for none; `x`, `y` [m] the centre, `vx`, `vy`
     [m/s] the velocity in road coordinates, `length` along the road and `width` across it [m].
@@ -32,10 +32,10 @@ class Vehicle(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Road:
-    """What stays the same from step to step: the lanes, the time step and what the ego can do.
+    """The constants of a drive: the lanes, the time step and the ego's limits.
 
     `time_step` [s], `radar_range` [m], `acceleration_limit`, `braking_limit` [m/s²]; `centre_tolerance`
-    [m]: how near its lane's centre the ego takes up a lane change.
+    [m]: largest offset from its lane's centre at which the ego starts a lane change.
     """
 
     lanes: tuple[Lane, ...]
@@ -46,15 +46,15 @@ class Road:
     centre_tolerance: float
 
     def lanes_of(self, direction: Direction) -> tuple[Lane, ...]:
-        """The lanes of one direction, in the order of the road."""
+        """Return the lanes of one direction, in the order of the road."""
         return tuple(lane for lane in self.lanes if lane.direction is direction)
 
     def lane(self, lane_id: int) -> Lane | None:
-        """The lane of that id, if the road has it."""
+        """Return the lane of that id, if the road has it."""
         return next((lane for lane in self.lanes if lane.id == lane_id), None)
 
     def lane_at(self, y: float, lanes: Iterable[Lane] | None = None) -> int:
-        """Id of the lane whose strip holds `y` [m], among `lanes` or all; 0 for none."""
+        """Return the id of the lane whose strip holds `y` [m], among `lanes` or all; 0 for none."""
         for lane in self.lanes if lanes is None else lanes:
             if abs(y - lane.centre) <= lane.width / 2:
                 return lane.id
@@ -71,13 +71,13 @@ class Scene:
     target_lane: int
 
     def in_range(self) -> tuple[Vehicle, ...]:
-        """The vehicles in radar range; one whose place is NaN is kept, for the rules to fail on."""
+        """Return the vehicles in radar range; one whose place is NaN is kept: the rules shall fail on it."""
         ego, reach = self.ego, self.road.radar_range
         return tuple(car for car in self.vehicles if not math.hypot(car.x - ego.x, car.y - ego.y) > reach)
 
     @property
     def forward(self) -> int:
-        """The sign of x that is forward for the ego: by its lane, or outside any by its motion."""
+        """The sign of x that is forward for the ego: by its lane, or by its motion if it is in no lane."""
         lane = self.road.lane(self.ego.lane)
         if lane is not None:
             return lane.direction.sign
@@ -85,5 +85,5 @@ class Scene:
 
 
 def bumper_gap(one: Vehicle, other: Vehicle) -> float:
-    """From bumper to bumper along the road [m]; below 0 where two vehicles are alongside."""
+    """Return the distance from bumper to bumper along the road [m]; below 0 if two vehicles are alongside."""
     return abs(one.x - other.x) - (one.length + other.length) / 2

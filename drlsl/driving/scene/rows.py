@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def copied(rows: Rows) -> Rows:
-    """Return the same with its arrays copied."""
+    """Return the rows with copied arrays."""
     return replace(rows, **{name: array.copy() for name, array in _arrays(rows)})
 
 

@@ -1,4 +1,4 @@
-"""The JSON form of a scene, for `drlsl query --state FILE`; units are in the names of the fields."""
+"""The JSON form of a scene, for `drlsl query --state FILE`; the names of fields state their units."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 class _Model(BaseModel):
-    # Only whole scenes are validated: their parts need no validators of their own, which saves time.
+    # Only whole scenes are validated: parts without validators of their own save time.
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, defer_build=True)
 
 
@@ -29,7 +29,7 @@ class LaneModel(_Model):
 
     id: int = Field(ge=1, description="The lane's number; any order, each once.")
     direction: Literal["left_to_right", "right_to_left"] = Field(
-        description="Which way it runs: left_to_right is +x; y points downward, so its left is -y."
+        description="Direction of travel: left_to_right is +x; y points downward, so its left is -y."
     )
     centre_m: float = Field(description="The y of its centre line.")
     width_m: Positive = Field(description="Its width.")
@@ -41,7 +41,7 @@ class RoadModel(_Model):
 
     lanes: list[LaneModel] = Field(min_length=1, description="Every lane, of both directions.")
     time_step_s: Positive = Field(0.04, description="The time until the rules are asked again.")
-    radar_range_m: Positive = Field(100.0, description="How far the ego sees.")
+    radar_range_m: Positive = Field(100.0, description="Range of the ego's sensing.")
 
 
 class BoxModel(_Model):
@@ -57,7 +57,7 @@ class BoxModel(_Model):
 
 
 class EgoModel(BoxModel):
-    """The vehicle that asks."""
+    """The ego."""
 
     target_lane: int | None = Field(
         None, description="The lane it steers for; if not given, the lane it is in."
@@ -88,7 +88,7 @@ def load_scene(path: str | Path) -> Scene:
 
 
 def parse_scene(text: str, name: str) -> Scene:
-    """The scene that JSON `text` describes; `name` is what errors call it.
+    """Return the scene that JSON `text` describes; `name` is its name in errors.
 
     Raises:
         UserError: the text is not JSON (with line and column), or not a possible scene.
@@ -104,7 +104,7 @@ def parse_scene(text: str, name: str) -> Scene:
 
 
 def _first_problem(error: ValidationError) -> str:
-    """The first thing wrong, with its place, and how many more there are."""
+    """Return the first problem, with its place, and the number of further ones."""
     problems = error.errors(include_url=False, include_context=False)
     first = problems[0]
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
@@ -114,7 +114,7 @@ def _first_problem(error: ValidationError) -> str:
 
 
 def _problems(model: SceneModel) -> Iterator[str]:
-    """What the fields' types cannot say."""
+    """Yield the problems that the types of the fields cannot express."""
     known = Counter(lane.id for lane in model.road.lanes)
     for lane_id, times in known.items():
         if times > 1:
@@ -179,7 +179,7 @@ def _scene(model: SceneModel) -> Scene:
 
 
 def scene_json(scene: Scene) -> str:
-    """The scene file of `scene`, which `load_scene` reads back as the same scene."""
+    """Return the scene file of `scene`, which `load_scene` reads back as the same scene."""
     road = scene.road
     data = {
         "road": {

@@ -1,4 +1,4 @@
-"""The shield: what the rules say about a scene, by the interpreter or by faster tiers."""
+"""The shield: the rules' decision about a scene, by the interpreter or by faster tiers."""
 
 import lazy_loader
 

@@ -36,17 +36,17 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 _NUMBERS: Final = frozenset({"int", "float", "number"})
 
 FIRST_OTHER: Final = 1 << 20
-"""The integer that stands for vehicle 0 in arrays; atoms of the program have smaller ones."""
+"""The integer of vehicle 0 in arrays; atoms of the program have smaller ones."""
 
 
 def query_of(question: Question, *, ordered: bool = False) -> Query:
-    """Return a question as it is lowered; of many answers the order counts where it is `ordered`."""
+    """Return the query to lower for a question; with `ordered`, the order of its answers matters."""
     mode = "set" if question.mode == "all" and not ordered else question.mode
     return Query(question.name, question.arity, mode)
 
 
 ASKED: Final = tuple(map(query_of, QUESTIONS))
-"""What driving asks a program, as it is lowered for arrays."""
+"""The queries of driving, to be lowered for arrays."""
 
 
 class ScalarTier(SceneTier):
@@ -67,7 +67,7 @@ class ScalarTier(SceneTier):
         self._road_facts: Facts = {}
 
     def decide_scene(self, scene: Scene) -> Decision:
-        """Return what is safe in `scene`.
+        """Return the decision about `scene`.
 
         Raises:
             RuleFailure: the rules gave no usable answer.
@@ -84,7 +84,7 @@ class ScalarTier(SceneTier):
         )
 
     def entry_is_safe(self, scene: Scene) -> bool:
-        """Return whether the ego may be placed where `scene` has it.
+        """Return whether the ego may enter where `scene` places it.
 
         Raises:
             Undecided: only the interpreter can tell.
@@ -119,7 +119,7 @@ class ArrayTier:
         self._entry = _Program(compile_program(lower(engine, SCHEMA, [query_of(ENTRY)])))
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
-        """Return what is safe in each scene."""
+        """Return the decision about each scene."""
         (actions, speed, state, free, *lane), undecided = self._answers(scenes)
         mask = np.zeros((len(scenes), len(Action)), dtype=np.bool_)
         for column, action in enumerate(self._actions):
@@ -137,7 +137,7 @@ class ArrayTier:
         return decisions, np.flatnonzero(undecided | ~usable(decisions)).tolist()
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
-        """Return whether the ego may be placed where each scene has it."""
+        """Return whether the ego may enter where each scene places it."""
         (entry,), undecided = self._entry(scenes)
         return entry.value.tolist(), np.flatnonzero(undecided).tolist()
 
@@ -149,10 +149,10 @@ def _of_a_decision(engine: Engine) -> list[Question]:
 
 
 def _check_forms(lowered: Lowered) -> None:
-    """Have the answers be numbers, as many as a decision has.
+    """Check that the answers are numbers, as many as a decision has.
 
     Raises:
-        NotLowerable: they are not, in no scene; the interpreter tells what they are.
+        NotLowerable: they are not, in any scene; the interpreter will report what they are.
     """
     for form in array_forms(lowered)[1:]:
         kinds = [node.kind for node in form.values]
@@ -167,7 +167,7 @@ def _check_forms(lowered: Lowered) -> None:
 
 
 class _Program:
-    """An array program that is told scenes; the facts of their roads are kept from batch to batch."""
+    """An array program that is given scenes; the facts of their roads are kept from batch to batch."""
 
     def __init__(self, program: BatchProgram[Any]) -> None:
         self._program = program
@@ -176,7 +176,7 @@ class _Program:
         self._road_rows: dict[tuple[str, int], Any] = {}
 
     def __call__(self, scenes: SceneBatch) -> tuple[list[BatchAnswer[npt.NDArray[Any]]], Mask]:
-        """The answers, and the scenes that are undecided, as NumPy arrays."""
+        """Return the answers, and the scenes that are undecided, as NumPy arrays."""
         result = self._program(self._facts(scenes))
         answers = [BatchAnswer(_numpy(answer.value), _numpy(answer.fails)) for answer in result.answers]
         return answers, _numpy(result.undecided)
@@ -198,7 +198,7 @@ class _Program:
         }
 
     def _rows_of(self, roads: tuple[Road, ...]) -> dict[tuple[str, int], Any]:
-        """The facts of the roads that the program reads, a table for each road; of one road, made ready."""
+        """Return the facts of the roads that the program reads, a table for each road."""
         facts = [road_facts(road) for road in roads]
         rows = {
             (name, arity): self._tables(SCHEMA.relations[name, arity], [one[name, arity] for one in facts])
@@ -225,5 +225,5 @@ class _Program:
 
 
 def _numpy(values: Any) -> npt.NDArray[Any]:
-    """Values as a NumPy array, from whatever device they are on."""
+    """Return values as a NumPy array, from whatever device they are on."""
     return np.asarray(values if isinstance(values, np.ndarray) else values.cpu())

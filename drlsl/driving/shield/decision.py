@@ -1,6 +1,6 @@
-"""What a usable answer of the rules is, and what is done where there is none: for one scene and for many.
+"""Usable answers of the rules, and the fail-safe if there is none, for one scene and for many.
 
-NumPy is loaded where there are many, so that a query about one scene starts without it.
+NumPy is loaded only for many, so that a query about one scene starts without it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ OBSERVATION_SIZE: Final = 10
 """Numbers in an observation. Source: paper, State Space."""
 
 FAIL_SAFE_ACTION: Final = Action.LANE_KEEPING
-"""What the fail-safe offers, and nothing else."""
+"""The only action of the fail-safe."""
 
 
 class RuleFailure(Exception):
@@ -33,7 +33,7 @@ class RuleFailure(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the rules say about one scene.
+    """The rules' decision about one scene.
 
     `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: 10 numbers
     in [0, 1]; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers for.
@@ -54,11 +54,11 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:
-    """What the rules say about N scenes.
+    """The rules' decisions about N scenes.
 
     `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
-    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, why it has the
-    fail-safe instead of an answer.
+    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, the reason for
+    the fail-safe.
     """
 
     action_mask: Mask
@@ -83,7 +83,7 @@ class Decisions:
         )
 
     def put(self, index: int, decision: Decision) -> None:
-        """Write what the rules say about one scene."""
+        """Write the decision about one scene."""
         self.action_mask[index] = decision.action_mask
         self.target_speed[index] = decision.target_speed
         self.observation[index] = decision.observation
@@ -91,12 +91,12 @@ class Decisions:
         self.lane_to_keep[index] = decision.lane_to_keep
 
     def fail(self, index: int, scene: Scene, reason: str) -> None:
-        """Write the fail-safe of one scene, and why it has it."""
+        """Write the fail-safe of one scene, and the reason for it."""
         self.put(index, fail_safe(scene))
         self.failures[index] = reason
 
     def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
-        """Return a copy in which `decisions` stand in `places`."""
+        """Return a copy with `decisions` in `places`."""
         result, order = copied(self), places.tolist()
         put_rows(result, places, decisions)
         kept = {place: why for place, why in self.failures.items() if place not in order}
@@ -107,7 +107,7 @@ class Decisions:
 def decision_of(
     *, actions: list[object], speed: object, observation: object, front_is_free: bool, lane: object
 ) -> Decision:
-    """Return the decision that a tier's answers make; an answer that is None has no solution.
+    """Return the decision of a tier's answers; an answer of None stands for no solution.
 
     Raises:
         RuleFailure: an answer is not usable.
@@ -133,7 +133,7 @@ def decision_of(
 
 
 def usable(decisions: Decisions) -> Mask:
-    """Return which of N decisions a `Decision` could hold, shape (N,)."""
+    """Return the mask of those of N decisions that a `Decision` could hold, shape (N,)."""
     offers: Any = decisions.action_mask.any(axis=1)
     observed: Any = _is_share(decisions.observation).all(axis=1)
     result: Mask = offers & observed & _is_speed(decisions.target_speed)
@@ -141,18 +141,18 @@ def usable(decisions: Decisions) -> Mask:
 
 
 def fail_safe(scene: Scene) -> Decision:
-    """Return what the ego does where the rules give no usable answer: keep its lane and brake hard."""
+    """Return the decision if the rules give no usable answer: keep the lane and brake hard."""
     speed = fail_safe_speed(abs(scene.ego.vx), scene.road)
     return Decision((FAIL_SAFE_ACTION,), speed, (0.0,) * OBSERVATION_SIZE, False, scene.target_lane)
 
 
 def fail_safe_speed(speed: float, road: Road) -> float:
-    """Return the target speed [m/s] of the fail-safe: as hard as the ego brakes."""
+    """Return the target speed [m/s] of the fail-safe: full braking."""
     return max(0.0, speed - road.braking_limit * road.time_step)
 
 
 def _number(answer: object) -> float:
-    """Return a number as a float: infinity where no float is so large, NaN where it is no number."""
+    """Return a number as a float: infinity if it is too large, NaN if it is no number."""
     if not isinstance(answer, int | float):
         return math.nan
     try:
@@ -162,10 +162,10 @@ def _number(answer: object) -> float:
 
 
 def _is_speed(value: Any) -> Any:
-    """Return whether a float is a speed in m/s, or which of an array are; NaN is none."""
+    """Return whether a float, or each of an array, is a speed in m/s; NaN is not."""
     return (value >= 0) & (value < math.inf)
 
 
 def _is_share(value: Any) -> Any:
-    """Return whether a float lies in [0, 1], or which of an array do."""
+    """Return whether a float, or each of an array, lies in [0, 1]."""
     return (value >= 0) & (value <= 1)

@@ -1,4 +1,4 @@
-"""Which tier answers for many scenes."""
+"""The choice of the tier that answers for many scenes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FEW: Final = 8
 
 
 def choose_tier(requested: str, interpreter: Interpreter) -> Tier:
-    """Return the tier that `requested` names; `auto` is the fastest that can run the program.
+    """Return the tier of the name `requested`; `auto` is the fastest that can run the program.
 
     Raises:
         UserError: the tier cannot run the program or its library is missing, or the program offers an unknown
@@ -53,11 +53,11 @@ class BySize:
         self._many = many
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
-        """Return what is safe in each scene."""
+        """Return the decision about each scene."""
         return self._for(scenes).decide(scenes)
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
-        """Return whether the ego may be placed where each scene has it."""
+        """Return whether the ego may enter where each scene places it."""
         return self._for(scenes).entries_are_safe(scenes)
 
     def _for(self, scenes: SceneBatch) -> Tier:
@@ -69,7 +69,7 @@ def _named(name: str, engine: Engine) -> Tier:
 
 
 def _fastest(engine: Engine) -> Tier:
-    """Return machine code where Numba is installed, else arrays; both need a program that can be lowered."""
+    """Return the Numba tier if Numba is installed, else NumPy's; both need a program that can be lowered."""
     if find_spec("numba") is not None:
         try:
             return _named("numba", engine)
@@ -79,7 +79,7 @@ def _fastest(engine: Engine) -> Tier:
 
 
 def _compiler(name: str) -> Callable[[Lowered], BatchProgram[Any]]:
-    """Return what makes the array programs of a tier; its library is loaded here.
+    """Return the compiler of a tier's array programs; its library is loaded here.
 
     Raises:
         UserError: the library is not installed.

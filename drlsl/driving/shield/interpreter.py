@@ -1,4 +1,4 @@
-"""The tier that every other is measured by: the program run as it is written."""
+"""The reference tier: the program as written, run by the interpreter."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
 
 
 class Interpreter(SceneTier):
-    """Tells an engine the facts of a scene and asks it."""
+    """Asserts the facts of a scene in an engine and queries it."""
 
     name = "interpreter"
 
     def __init__(self, engine: Engine, limits: Limits) -> None:
-        """Prepare what is asked of the program of `engine`; `limits` hold for each question."""
+        """Prepare the queries of the program of `engine`; `limits` hold for each."""
         self.engine = engine
         self.limits = limits
         self.gives_lane = engine.defines(LANE.name, LANE.arity)
@@ -25,11 +25,11 @@ class Interpreter(SceneTier):
         self._road: Road | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Have a copy tell its own engine the facts of the road."""
+        """Have a copy assert the facts of the road in its own engine."""
         return vars(self) | {"_road": None}
 
     def decide_scene(self, scene: Scene) -> Decision:
-        """Return what is safe in `scene`.
+        """Return the decision about `scene`.
 
         Raises:
             RuleFailure: the rules gave no usable answer.
@@ -48,7 +48,7 @@ class Interpreter(SceneTier):
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def entry_is_safe(self, scene: Scene) -> bool:
-        """Return whether the ego may be placed where `scene` has it.
+        """Return whether the ego may enter where `scene` places it.
 
         Raises:
             RuleFailure: the rules raised an error.
@@ -60,7 +60,7 @@ class Interpreter(SceneTier):
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def state_facts(self, scene: Scene) -> None:
-        """Tell the engine about `scene`: its facts replace those of the scene before.
+        """Assert the facts of `scene` in the engine, in place of those of the previous scene.
 
         Raises:
             RuleFailure: a number is NaN, or a value is of another kind than its fact has.
@@ -73,7 +73,7 @@ class Interpreter(SceneTier):
             try:
                 self.engine.replace_facts(name, arity, SCHEMA.relations[name, arity].conform(rows))
             except (TypeError, ValueError) as error:
-                raise RuleFailure(f"the fact {name}/{arity} cannot be told: {error}") from error
+                raise RuleFailure(f"the fact {name}/{arity} cannot be asserted: {error}") from error
         self._road = scene.road
 
     def _first(self, question: Question) -> object:

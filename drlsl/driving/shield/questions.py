@@ -1,4 +1,4 @@
-"""What driving asks a rule program."""
+"""The questions of driving to a rule program."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Final, Literal
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A predicate that is asked, and the variable that stands for its answer; none: whether it holds.
+    """A predicate to query, and the variable of its answer; none: whether it holds.
 
-    `many`: every answer counts, not the first alone; `required`: a program has to define it.
+    `many`: every answer counts, not only the first; `required`: a program must define it.
     """
 
     name: str
@@ -25,12 +25,12 @@ class Question:
 
     @property
     def goal(self) -> str:
-        """The goal that asks it, as text."""
+        """The goal of the query, as text."""
         return f"{self.name}({self.variable})" if self.variable else self.name
 
     @property
     def mode(self) -> Literal["holds", "first", "all"]:
-        """Which of the answers count."""
+        """The answers that count."""
         if not self.variable:
             return "holds"
         return "all" if self.many else "first"

@@ -1,4 +1,4 @@
-"""The files that a rule program is made of, and the programs that ship with the package."""
+"""The files of a rule program, and the programs that ship with the package."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits
 
 LOADING: Final = Limits(inferences=20_000_000, seconds=60.0)
-"""What loading a rule file may cost, its directives included."""
+"""The limits of loading a rule file, its directives included."""
 
 
 def default_rules() -> tuple[Path, ...]:
-    """The files of the default program.
+    """Return the files of the default program.
 
     Raises:
         UserError: the package has no rules.
@@ -23,7 +23,7 @@ def default_rules() -> tuple[Path, ...]:
 
 
 def rules_folder() -> Path:
-    """Where the programs are that ship with the package: in it, or in the checkout of an editable install.
+    """Return the folder of the programs that ship: in the package, or in a checkout beside it.
 
     Raises:
         UserError: neither place has them.
@@ -38,7 +38,7 @@ def rules_folder() -> Path:
 def consult_rules(engine: Engine, path: str | Path) -> None:
     """Consult a rule file, or the program of this name that ships with the package.
 
-    The files that it names are looked for beside it, then among the programs that ship.
+    Files that it names are searched beside it, then among the programs that ship.
 
     Raises:
         UserError: the file cannot be read.
@@ -51,7 +51,7 @@ def consult_rules(engine: Engine, path: str | Path) -> None:
 
 
 def rule_file(path: str | Path) -> Path:
-    """A rule file, or the program of this name that ships with the package."""
+    """Return a rule file, or the program of this name that ships with the package."""
     if Path(path).exists() or len(Path(path).parts) > 1:
         return Path(path)
     shipped = rules_folder() / path

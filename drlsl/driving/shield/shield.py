@@ -1,4 +1,4 @@
-"""The shield: a rule program, asked what is safe in a scene."""
+"""The shield: a rule program that decides which actions are safe in a scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _LOG: Final = logging.getLogger(__name__)
 
 LIMITS: Final = Limits(inferences=2_000_000)
-"""What one question to the rules may cost; a program that never ends must not stop the car from braking."""
+"""The limits of one query of the rules; a program that never ends must not stop the car from braking."""
 
 
 class Shield:
@@ -34,9 +34,8 @@ class Shield:
     def __init__(self, engine: Engine, *, tier: str = "interpreter", seconds: float | None = None) -> None:
         """Check the program that `engine` has consulted.
 
-        One scene is answered by the interpreter, many by `tier`. One question to the interpreter may cost
-        what `LIMITS` says, and `seconds` of time [s] where that is given; beyond that it is a failure of
-        the rules.
+        The interpreter decides one scene, `tier` decides many. `LIMITS`, and `seconds` [s] if given, bound
+        one query of the interpreter; beyond them the rules count as having failed.
 
         Raises:
             UserError: a required predicate is missing.
@@ -47,13 +46,13 @@ class Shield:
                 f"the rule program does not define {', '.join(missing)}; rules/highway.pl shows what is asked"
             )
         self.lock = threading.RLock()
-        """Held for every question; who tells facts and asks the engine itself has to hold it meanwhile."""
+        """Held during every query; hold it, too, when asserting facts and querying the engine directly."""
         self._interpreter = Interpreter(engine, replace(LIMITS, seconds=seconds))
         self._requested_tier = tier
         self._chosen_tier: Tier | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """The engine and what is asked of it; the generated code of the tier is made again by a copy."""
+        """Return the engine and its queries; a copy generates the code of its tier anew."""
         with self.lock:
             state = vars(self).copy()
         del state["lock"]
@@ -64,7 +63,7 @@ class Shield:
         self.lock = threading.RLock()
 
     def __copy__(self) -> Shield:
-        """The same as a deep copy: two shields on one engine would tell it facts behind each other's back."""
+        """Return a deep copy: two shields on one engine would overwrite each other's facts."""
         return copy.deepcopy(self)
 
     @classmethod
@@ -76,13 +75,13 @@ class Shield:
     def from_files(
         cls, paths: Sequence[str | Path], *, tier: str = "interpreter", seconds: float | None = None
     ) -> Shield:
-        """Return the shield of the program that `paths` hold, consulted in order; no path: highway.pl.
+        """Return the shield of the program in `paths`, consulted in order; no path: highway.pl.
 
-        A name such as paper.pl, where there is no such file, means the program that ships with the package.
-        What looks wrong in the files is logged as warnings.
+        A name such as paper.pl, if there is no such file, means the program that ships with the package.
+        Findings in the files are logged as warnings.
 
         Raises:
-            UserError: a file cannot be read, or the program lacks a predicate that is asked.
+            UserError: a file cannot be read, or the program lacks a required predicate.
             PrologError: a file is not a valid program.
         """
         engine = Engine()
@@ -93,7 +92,7 @@ class Shield:
         return cls(engine, tier=tier, seconds=seconds)
 
     def with_tier(self, tier: str) -> Shield:
-        """Return a shield of the same program whose batches `tier` answers; the two take turns.
+        """Return a shield of the same program with another tier for batches; the two take turns.
 
         Raises:
             UserError: the tier cannot run the program.
@@ -106,16 +105,16 @@ class Shield:
 
     @property
     def engine(self) -> Engine:
-        """The engine that has the program."""
+        """The engine with the program."""
         return self._interpreter.engine
 
     @property
     def limits(self) -> Limits:
-        """What one question to the interpreter may cost."""
+        """The limits of one query of the interpreter."""
         return self._interpreter.limits
 
     def decide(self, scene: Scene) -> Decision:
-        """Return what is safe in `scene`.
+        """Return the decision about `scene`.
 
         Raises:
             RuleFailure: the rules gave no usable answer.
@@ -125,7 +124,7 @@ class Shield:
             return self._interpreter.decide_scene(scene)
 
     def entry_is_safe(self, scene: Scene) -> bool:
-        """Return whether the ego may be placed where `scene` has it.
+        """Return whether the ego may enter where `scene` places it.
 
         Raises:
             RuleFailure: the rules raised an error.
@@ -134,7 +133,7 @@ class Shield:
             return self._interpreter.entry_is_safe(scene)
 
     def decide_batch(self, scenes: SceneBatch) -> Decisions:
-        """Return what is safe in each of N scenes; where the rules fail, the fail-safe, marked as such.
+        """Return the decision about each of N scenes; if the rules fail, the fail-safe, marked as such.
 
         Raises:
             UserError: the tier cannot run the program, or the rules offer an action that the agent does not
@@ -147,7 +146,7 @@ class Shield:
             return decisions
 
     def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
-        """Return whether the ego may be placed where each scene has it; False where the rules fail.
+        """Return whether the ego may enter where each scene places it; False if the rules fail.
 
         Raises:
             UserError: the tier cannot run the program.
@@ -160,18 +159,18 @@ class Shield:
 
     @property
     def tier(self) -> str:
-        """What runs the rules for a batch: interpreter, scalar, numpy, numba or torch.
+        """The tier for batches: interpreter, scalar, numpy, numba or torch.
 
         Raises:
-            UserError: the tier that was asked for cannot run the program.
+            UserError: the requested tier cannot run the program.
         """
         with self.lock:
             return self._tier().name
 
     def state_facts(self, scene: Scene) -> None:
-        """Tell the engine about `scene`: its facts replace those of the scene before.
+        """Assert the facts of `scene` in the engine, in place of those of the previous scene.
 
-        Where threads share the shield, hold `lock` until the engine has been asked.
+        If threads share the shield, hold `lock` until the engine has been queried.
 
         Raises:
             RuleFailure: a number is NaN, or a value is of another kind than its fact has.

@@ -1,4 +1,4 @@
-"""What every tier is: something that runs a rule program on scenes."""
+"""The protocol of tiers: a tier runs a rule program on scenes."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch
 
 Undecidable: TypeAlias = list[int]
-"""Places of the scenes that a tier leaves to the interpreter; what it answers for them is undefined."""
+"""Indexes of the scenes that a tier leaves to the interpreter; its answers for them are undefined."""
 
 
 class Tier(Protocol):
-    """Answers what driving asks, for N scenes; a scene on which the rules fail gets the fail-safe."""
+    """Answers the questions of driving for N scenes; a scene on which the rules fail gets the fail-safe."""
 
     @property
     def name(self) -> str:
-        """interpreter, scalar, numpy, numba or torch."""
+        """The name: interpreter, scalar, numpy, numba or torch."""
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
-        """Return what is safe in each scene."""
+        """Return the decision about each scene."""
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
-        """Return whether the ego may be placed where each scene has it; where the rules fail, it may not."""
+        """Return whether the ego may enter where each scene places it; False if the rules fail."""
 
 
 class SceneTier(ABC):
@@ -37,7 +37,7 @@ class SceneTier(ABC):
 
     @abstractmethod
     def decide_scene(self, scene: Scene) -> Decision:
-        """Return what is safe in `scene`.
+        """Return the decision about `scene`.
 
         Raises:
             RuleFailure: the rules gave no usable answer.
@@ -47,7 +47,7 @@ class SceneTier(ABC):
 
     @abstractmethod
     def entry_is_safe(self, scene: Scene) -> bool:
-        """Return whether the ego may be placed where `scene` has it.
+        """Return whether the ego may enter where `scene` places it.
 
         Raises:
             RuleFailure: the rules raised an error.
@@ -55,7 +55,7 @@ class SceneTier(ABC):
         """
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
-        """Return what is safe in each scene."""
+        """Return the decision about each scene."""
         decisions, left = Decisions.blank(len(scenes)), []
         for index in range(len(scenes)):
             try:
@@ -65,14 +65,14 @@ class SceneTier(ABC):
         return decisions, left
 
     def decide_into(self, decisions: Decisions, index: int, scene: Scene) -> None:
-        """Write what is safe in one scene, or its fail-safe, into the decisions of many."""
+        """Write the decision about one scene, or its fail-safe, into the decisions about many."""
         try:
             decisions.put(index, self.decide_scene(scene))
         except RuleFailure as failure:
             decisions.fail(index, scene, str(failure))
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
-        """Return whether the ego may be placed where each scene has it."""
+        """Return whether the ego may enter where each scene places it."""
         answers, left = [False] * len(scenes), []
         for index in range(len(scenes)):
             try:
@@ -82,7 +82,7 @@ class SceneTier(ABC):
         return answers, left
 
     def is_surely_safe_entry(self, scene: Scene) -> bool:
-        """Return whether the rules say so; a place that they cannot judge is no place to start from."""
+        """Return whether the rules find the entry safe; False if they fail."""
         try:
             return self.entry_is_safe(scene)
         except RuleFailure:

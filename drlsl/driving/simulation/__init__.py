@@ -1,4 +1,4 @@
-"""The world: egos that drive in recorded traffic, and who is to blame for a contact."""
+"""The world: egos that drive in recorded traffic, and the verdicts on their contacts."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Who touches whom."""
+"""The contacts of egos with other vehicles."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Contact:
 
     @property
     def at_fault(self) -> bool:
-        """Whether the ego is to blame."""
+        """True if the ego is at fault."""
         return self.verdict is Verdict.AT_FAULT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
-    """The scenes around egos; of shape (N, S): who is `recorded`, and where seen from the ego, `dx`, `dy`."""
+    """The scenes around egos; of shape (N, S): `recorded` slots, and `dx`, `dy` relative to the ego."""
 
     scenes: SceneBatch
     recorded: Mask
@@ -40,9 +40,9 @@ class Surroundings:
     dy: Floats
 
     def touching(self, playing: Mask, largest: Floats) -> Iterator[tuple[int, int]]:
-        """Which of the egos that `playing` marks touches whom: ego and slot.
+        """Yield the contacts of the egos that `playing` marks: ego and slot.
 
-        `largest`: the greatest length and width of others [m].
+        `largest`: the greatest length and width of other vehicles [m].
         """
         scenes = self.scenes
         length, width = float(scenes.length[0, 0]), float(scenes.width[0, 0])
@@ -62,7 +62,7 @@ class Surroundings:
 def worst_contacts(
     touching: Iterator[tuple[int, int]], judged: Callable[[int, int], Contact]
 ) -> dict[int, Contact]:
-    """The contact of each ego that touches somebody; of several, one at fault first."""
+    """Return the contact of each ego that touches a vehicle; of several, one at fault first."""
     contacts: dict[int, Contact] = {}
     for ego, slot in touching:
         if ego not in contacts or not contacts[ego].at_fault:

@@ -13,10 +13,10 @@ from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT
 Floats: TypeAlias = npt.NDArray[np.float64]
 
 LATERAL_ACCELERATION_LIMIT: Final = 3.0
-"""The hardest the ego can move sideways [m/s²]."""
+"""Largest sideways acceleration of the ego [m/s²]."""
 
 LATERAL_SPEED_LIMIT: Final = 1.8
-"""The fastest the ego moves sideways [m/s]; a lane change of 3.5 m takes about 3 s."""
+"""Largest sideways speed of the ego [m/s]; a lane change of 3.5 m takes about 3 s."""
 
 SPEED_INTEGRAL_GAIN: Final = 0.1
 """Integral gain of the speed controller [1/s²]."""
@@ -35,23 +35,23 @@ LANE_INTEGRAL_BAND: Final = 0.5
 class SpeedController:
     """PI control of the speed along the road; state of shape (N,).
 
-    The proportional gain is one over the time step, so that the acceleration the rules ask for is what the
-    ego does: any less would brake softer than the rules derived to be safe.
+    The proportional gain is one over the time step, so that the ego accelerates exactly as the rules demand:
+    any less would brake less than the rules derived to be safe.
     """
 
     integral: Floats
 
     @classmethod
     def for_egos(cls, count: int) -> SpeedController:
-        """A controller for `count` egos, at rest."""
+        """Return a controller for `count` egos, at rest."""
         return cls(np.zeros(count))
 
     def reset(self, ego: int) -> None:
-        """Forget the past of one ego."""
+        """Reset the integral of one ego."""
         self.integral[ego] = 0.0
 
     def acceleration(self, speed: Floats, target: Floats, dt: Floats) -> Floats:
-        """Acceleration [m/s²] for speeds and target speeds [m/s] and time steps [s], all of shape (N,)."""
+        """Return accelerations [m/s²] for speeds, target speeds [m/s] and time steps [s], all (N,)."""
         error = target - speed
         wanted = error / dt + SPEED_INTEGRAL_GAIN * self.integral
         limited = np.minimum(np.maximum(wanted, -BRAKING_LIMIT), ACCELERATION_LIMIT)
@@ -63,23 +63,23 @@ class SpeedController:
 class LaneController:
     """PI control of the place across the road; state of shape (N,).
 
-    The offset from the target lane's centre asks for a sideways speed, limited; the sideways acceleration,
-    limited too, reaches for that speed within one step.
+    The offset from the target lane's centre demands a sideways speed, limited; the sideways acceleration,
+    limited too, aims at that speed within one step.
     """
 
     integral: Floats
 
     @classmethod
     def for_egos(cls, count: int) -> LaneController:
-        """A controller for `count` egos, at rest."""
+        """Return a controller for `count` egos, at rest."""
         return cls(np.zeros(count))
 
     def reset(self, ego: int) -> None:
-        """Forget the past of one ego."""
+        """Reset the integral of one ego."""
         self.integral[ego] = 0.0
 
     def acceleration(self, y: Floats, vy: Floats, target_y: Floats, dt: Floats) -> Floats:
-        """Sideways acceleration [m/s²] for places [m], sideways speeds [m/s] and time steps [s], all (N,)."""
+        """Return sideways accelerations [m/s²] for places [m], speeds [m/s] and time steps [s], all (N,)."""
         error = target_y - y
         near = np.abs(error) < LANE_INTEGRAL_BAND
         self.integral = np.where(near, self.integral + error * dt, 0.0)
@@ -90,13 +90,13 @@ class LaneController:
 
 
 def move(place: Floats, speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
-    """Place and speed one step later under constant acceleration; all of shape (N,)."""
+    """Return place and speed one step later under constant acceleration; all of shape (N,)."""
     later = speed + acceleration * dt
     return place + (speed + later) / 2 * dt, later
 
 
 def move_forward(speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
-    """The way of one step and the speed after it; braking ends at standstill and never reverses.
+    """Return the distance of one step and the speed after it; braking ends at standstill and never reverses.
 
     All of shape (N,), `speed` >= 0.
     """

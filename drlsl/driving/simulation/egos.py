@@ -1,4 +1,4 @@
-"""The egos: where they are, what they steer for, how their controllers move them, where they have been."""
+"""The egos: their places, their target lanes, their controllers and their past tracks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 
 @dataclass(slots=True)
 class Places:
-    """Where N egos are: arrays of shape (N,) in road coordinates; `speed` is along the heading."""
+    """The places of N egos: arrays of shape (N,) in road coordinates; `speed` is along the heading."""
 
     x: Floats
     y: Floats
@@ -38,7 +38,7 @@ class Places:
 
     @classmethod
     def new(cls, count: int) -> Places:
-        """Egos that are nowhere yet."""
+        """Return egos that are nowhere yet."""
         x, y, speed, vy, target_y, distance = (np.zeros(count) for _ in range(6))
         target_lane, playback, frame = (np.zeros(count, dtype=np.int64) for _ in range(3))
         ended = np.ones(count, dtype=np.bool_)
@@ -49,7 +49,7 @@ class Places:
 class Past:
     """The newest rows of every ego's track, x, y and speed, in a ring of shape (T, 3, N).
 
-    All egos write in the same row. `kept` (N,): how many of an ego's rows are there.
+    All egos write in the same row. `kept` (N,): the number of valid rows of each ego.
     """
 
     rows: Floats
@@ -58,11 +58,11 @@ class Past:
 
     @classmethod
     def new(cls, count: int, length: int) -> Past:
-        """No past."""
+        """Return an empty past."""
         return cls(np.zeros((length, 3, count)), np.zeros(count, dtype=np.int64))
 
     def begin(self, ego: int, at: Places) -> None:
-        """Forget an ego's track, which begins with the present."""
+        """Restart an ego's track at the present."""
         self.rows[self.now, :, ego] = at.x[ego], at.y[ego], at.speed[ego]
         self.kept[ego] = 1
 
@@ -74,17 +74,17 @@ class Past:
         self.kept += 1
 
     def track(self, index: int, sign: int, size: tuple[float, float]) -> Track:
-        """One ego's track, oldest first."""
+        """Return one ego's track, oldest first."""
         kept = min(int(self.kept[index]), len(self.rows))
         x, y, speed = self.rows[(self.now + 1 - kept + np.arange(kept)) % len(self.rows), :, index].T
         return Track(sign * x, y, speed, *size)
 
 
 class Egos:
-    """N egos and their controllers. What an ego does after its episode means nothing."""
+    """N egos and their controllers. After its episode, an ego's state is undefined."""
 
     def __init__(self, count: int, size: tuple[float, float], memory: int) -> None:
-        """`size`: length and width [m]; `memory`: how many rows of its track an ego keeps."""
+        """Make `count` egos of a `size`, length and width [m], each with `memory` rows of its track."""
         self.at = Places.new(count)
         self.past = Past.new(count, memory)
         self.size = size
@@ -92,7 +92,7 @@ class Egos:
         self._lane_control = LaneController.for_egos(count)
 
     def place(self, ego: int, entry: Entry) -> None:
-        """Put an ego at an entry, its controllers and its past forgotten."""
+        """Put an ego at an entry, with its controllers and its past reset."""
         at = self.at
         at.frame[ego], at.x[ego], at.speed[ego] = entry.frame, entry.x, entry.speed
         at.y[ego] = at.target_y[ego] = entry.lane.centre
@@ -102,14 +102,14 @@ class Egos:
         self.past.begin(ego, at)
 
     def steer(self, actions: npt.NDArray[np.integer], lane_to_keep: Integers, courses: Courses) -> Mask:
-        """Set the lanes to steer for; returns which egos start a lane change, shape (N,).
+        """Set the lanes to steer for; return the mask of the egos that start a lane change, shape (N,).
 
         Raises:
-            UserError: a lane to keep is none of the ego's direction.
+            UserError: a lane to keep is not one of the ego's direction.
         """
         at = self.at
         changed = np.zeros(len(actions), dtype=np.bool_)
-        # Hardly ever is there anybody in either of the two.
+        # Both are nearly always empty.
         who = actions.nonzero()[0]
         if who.size:
             who = who[self._settled()[who] & ~at.ended[who]]
@@ -125,9 +125,9 @@ class Egos:
         return changed
 
     def targets(self, lane_to_keep: Integers, courses: Courses, places: Integers) -> Floats:
-        """The y [m] that each action would steer for, shape (P, 3), for the egos in `places`.
+        """Return the y [m] that each action would steer for, shape (P, 3), for the egos in `places`.
 
-        NaN for a lane change that would not be taken up. To a side without a lane, it is beyond the road.
+        NaN for a lane change that would be ignored. On a side without a lane, it is beyond the road.
         """
         at, courses = self.at, courses.take(places)
         lane, y = at.target_lane[places], at.target_y[places]
@@ -157,12 +157,12 @@ class Egos:
         self.past.write(at)
 
     def off_road(self, courses: Courses) -> Mask:
-        """Whether any part of an ego is beyond the lanes of its direction, shape (N,)."""
+        """Return whether any part of an ego is beyond the lanes of its direction, shape (N,)."""
         half = self.size[1] / 2
         return np.asarray((self.at.y - half < courses.low) | (self.at.y + half > courses.high))
 
     def get_state(self) -> dict[str, Any]:
-        """Where the egos are and what they and their controllers remember."""
+        """Return the places of the egos, and the memory of them and their controllers."""
         return {
             "at": {field.name: getattr(self.at, field.name).copy() for field in fields(self.at)},
             "past": {"rows": self.past.rows.copy(), "kept": self.past.kept.copy(), "now": self.past.now},
@@ -178,20 +178,20 @@ class Egos:
         self._speed_control, self._lane_control = SpeedController(speed.copy()), LaneController(lane.copy())
 
     def _settled(self) -> Mask:
-        """Which egos would take up a lane change, shape (N,)."""
+        """Return the mask of the egos that would start a lane change, shape (N,)."""
         return np.asarray(np.abs(self.at.target_y - self.at.y) <= CENTRE_TOLERANCE)
 
 
 def _turn(actions: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    """+1 for a lane change to the left, -1 to the right."""
+    """Return +1 for a lane change to the left, -1 to the right."""
     return np.where(actions == Action.LEFT_LANE_CHANGE, 1, -1)
 
 
 def _lane_beside(courses: Courses, lane: Integers, turn: npt.NDArray[np.integer]) -> tuple[Integers, Floats]:
-    """The next lane to a side and its centre [m]; without one, the same lane and where it would be."""
+    """Return the next lane to a side and its centre [m]; without one, the same lane and where it would be."""
     rows = np.arange(len(lane))
     here = (courses.lane_id == lane[:, None]).argmax(axis=1)
-    # y is downward: to the left is down the list of lanes for who heads right.
+    # y points downward: for an ego heading right, left is down the list of lanes.
     step = -turn * courses.sign.astype(np.int64)
     there = np.minimum(np.maximum(here + step, 0), courses.lanes - 1)
     beyond = courses.centre[rows, here] + step * courses.width[rows, here]
@@ -200,10 +200,10 @@ def _lane_beside(courses: Courses, lane: Integers, turn: npt.NDArray[np.integer]
 
 
 def _centre(courses: Courses, lane: Integers) -> Floats:
-    """The centres [m] of lanes of the direction.
+    """Return the centres [m] of lanes of the direction.
 
     Raises:
-        UserError: one is none of them.
+        UserError: one is not a lane of the direction.
     """
     named = courses.lane_id == lane[:, None]
     unknown = ~named.any(axis=1)

@@ -1,4 +1,4 @@
-"""Where the ego enters the road: a gap that the rules call safe."""
+"""The ego's entry to the road: a gap that the rules call safe."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 Integers: TypeAlias = npt.NDArray[np.int64]
 
 OFFSET: Final = 60.0
-"""How far into the recorded stretch the ego enters at least [m], so that it sees who follows."""
+"""Least distance of an entry from the beginning of the stretch [m], so that the ego sees its follower."""
 
 ZONE: Final = 80.0
 """Length of the part of the road where the ego enters [m]."""
@@ -30,7 +30,7 @@ PAUSE: Final = 0.5
 """Time between two frames that are searched for a gap [s]."""
 
 AHEAD: Final = 4
-"""Frames of a search that the rules are asked about at once."""
+"""Frames of a search per query of the rules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +44,14 @@ class Entry:
 
 
 class Entries:
-    """The places early in a playback's stretch, and in which frames the rules call them safe to enter.
+    """The places early in a playback's stretch, and the frames in which the rules call them safe to enter.
 
-    The rules are asked about a frame when it is first searched, and what they said is kept. An ego enters
-    with the speed of the traffic around.
+    The rules are queried about a frame when it is first searched, and their answers are kept. An ego enters
+    with the speed of the traffic around it.
     """
 
     def __init__(self, playback: Playback, shield: Shield, size: tuple[float, float]) -> None:
-        """`size`: length and width of the ego [m]."""
+        """Prepare the search of entries for an ego of a `size`, length and width [m]."""
         begin = min(OFFSET, playback.length / 4)
         end = min(begin + ZONE, playback.length / 2)
         along = begin + (np.arange(PLACES) + 0.5) * (end - begin) / PLACES
@@ -70,7 +70,7 @@ class Entries:
         self._speed = np.zeros((playback.frames, count))
 
     def find(self, rng: np.random.Generator, *, frame: int, lane: Lane | None = None) -> Entry:
-        """A place drawn among the safe ones at `frame` or soon after, in `lane` if there is one in it.
+        """Return a place drawn among the safe ones at `frame` or soon after, if possible in `lane`.
 
         Raises:
             UserError: no frame of the recording has a safe place.
@@ -93,7 +93,7 @@ class Entries:
         )
 
     def _ask(self, frames: Integers) -> None:
-        """Have the rules say what is safe in some frames."""
+        """Query the rules about some frames."""
         frames = np.unique(frames[~self._known[frames]])
         speed = self._traffic_speed(frames)
         safe = np.array(self._shield.entries_are_safe(self._scenes(frames, speed)))
@@ -102,7 +102,7 @@ class Entries:
         self._known[frames] = True
 
     def _traffic_speed(self, frames: Integers) -> Floats:
-        """The mean speed of the nearest vehicles in front and behind, at most the limit; the limit if alone.
+        """Return the mean speed of the nearest leader and follower, at most the limit; the limit if alone.
 
         Of shape (F, P).
         """
@@ -121,7 +121,7 @@ class Entries:
         return np.asarray(np.minimum(np.maximum(mean, 0.0), self._limit))
 
     def _scenes(self, frames: Integers, speed: Floats) -> SceneBatch:
-        """The scenes with the ego at every place in some frames, entering with `speed`, shape (F, P)."""
+        """Return the scenes with the ego at every place in some frames, at `speed`, shape (F, P)."""
         playback, film, count = self._playback, self._playback.film, len(frames)
         rows = np.repeat(frames, len(self._x))
         numbers, vehicle, lane = film.numbers[:, rows], film.vehicle[rows], film.lane[rows]

@@ -1,4 +1,4 @@
-"""Who is to blame for a contact: recorded vehicles do not see the ego, so contacts are judged.
+"""The fault of a contact: recorded vehicles do not see the ego, so contacts are judged.
 
 The ego is at fault unless one of four written rules excuses it; every doubt is the ego's fault.
 """
@@ -25,14 +25,14 @@ REACTION: Final = 0.35
 """The time before that braking begins [s]. Source: UN R157, 5.2.5.2."""
 
 INTRUSION: Final = 0.3
-"""How far over the line a vehicle counts as having come into a lane [m]. Source: UN R157, 5.2.5.2."""
+"""Distance over the line from which on a vehicle has come into a lane [m]. Source: UN R157, 5.2.5.2."""
 
 LINE_TOLERANCE: Final = 0.05
-"""How far a body may touch the lane's edge and still count as wholly inside [m]."""
+"""Distance by which a body may cross the lane's edge and still count as wholly inside [m]."""
 
 
 class Verdict(Enum):
-    """Why a contact is not the ego's fault, or that it is."""
+    """The reason why a contact is not the ego's fault, or that it is."""
 
     AT_FAULT = "at_fault"
     STRUCK_FROM_BEHIND = "struck_from_behind"
@@ -56,12 +56,12 @@ class Track:
     width: float
 
     def last(self, count: int) -> Track:
-        """The newest `count` rows."""
+        """Return the newest `count` rows."""
         return Track(self.s[-count:], self.y[-count:], self.speed[-count:], self.length, self.width)
 
 
 def judge(ego: Track, other: Track, lanes: Sequence[Lane], dt: float, *, other_appeared: bool) -> Verdict:
-    """The verdict on a contact in the newest frame of both tracks.
+    """Return the verdict on a contact in the newest frame of both tracks.
 
     `ego` begins where it was placed on the road, `other` where its unbroken track began, or at the ego's
     first row if that is later; `other_appeared`: the former, so the ego was on the road when the other's
@@ -81,7 +81,7 @@ def judge(ego: Track, other: Track, lanes: Sequence[Lane], dt: float, *, other_a
 
 
 def time_to_avoid(closing: float) -> float:
-    """The time to collision [s] that must be left at a closing speed [m/s] for braking to avoid the contact.
+    """Return the time to collision [s] needed at a closing speed [m/s] to avoid the contact by braking.
 
     Source: UN R157, 5.2.5.2.
     """
@@ -106,7 +106,7 @@ def _inside(track: Track, lane: Lane) -> Mask:
 
 
 def _since(holds: Mask) -> int | None:
-    """The first row of the unbroken run of True that ends in the newest row; None if that is False."""
+    """Return the first row of the unbroken run of True that ends in the newest row; None without one."""
     if not holds[-1]:
         return None
     breaks = np.flatnonzero(~holds)
@@ -115,7 +115,7 @@ def _since(holds: Mask) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class _Encounter:
-    """Two tracks of one length, up to a contact."""
+    """Two tracks of equal length, up to a contact."""
 
     ego: Track
     other: Track
@@ -124,21 +124,21 @@ class _Encounter:
     other_appeared: bool
 
     def _gap(self) -> Floats:
-        """Bumper to bumper, negative where the two overlap along the road."""
+        """Return the distances from bumper to bumper, negative where the two overlap along the road."""
         apart = np.abs(self.other.s - self.ego.s)
         return np.asarray(apart - (self.ego.length + self.other.length) / 2)
 
     def _came_from(self) -> float:
-        """Where the other was when the two last were apart along the road: +1 ahead, -1 behind, 0 never."""
+        """Return where the other was when last apart along the road: +1 ahead, -1 behind, 0 never."""
         apart = np.flatnonzero(self._gap() > 0)
         return float(np.sign(self.other.s[apart[-1]] - self.ego.s[apart[-1]])) if apart.size else 0.0
 
     def _met_sideways(self) -> bool:
-        """Whether the two were alongside, their sides apart, in the frame before the contact."""
+        """Return whether the two were alongside, their sides apart, in the frame before the contact."""
         return len(self.ego.s) > 1 and bool(self._gap()[-2] <= 0)
 
     def _left_time(self, row: int, *, rear: Track, front: Track) -> bool:
-        """Whether at `row` the rear vehicle had time to collision enough to brake behind the front one."""
+        """Return whether at `row` the time to collision let the rear vehicle brake behind the front one."""
         closing = float(rear.speed[row] - front.speed[row])
         gap = float(self._gap()[row])
         if gap <= 0:
@@ -146,17 +146,17 @@ class _Encounter:
         return closing <= 0 or gap / closing >= time_to_avoid(closing)
 
     def _other_had_time(self, row: int) -> bool:
-        """Whether at `row` the other was behind, with time to brake for the ego."""
+        """Return whether at `row` the other was behind, with time to brake for the ego."""
         behind = bool(self.other.s[row] < self.ego.s[row])
         return behind and self._left_time(row, rear=self.other, front=self.ego)
 
     def _ego_kept_lane_since_before(self, row: int) -> bool:
-        """Whether the ego was wholly in the lane it is in now from before `row` on."""
+        """Return whether the ego was wholly in its present lane from before `row` on."""
         inside = _since(_inside(self.ego, _lane_at(float(self.ego.y[-1]), self.lanes)))
         return inside is not None and inside < row
 
     def struck_from_behind(self) -> bool:
-        """The other came from behind, and had had the time to brake for an ego in its way."""
+        """Return whether the other came from behind, with time to brake for an ego in its way."""
         if self._met_sideways() or self._came_from() >= 0:
             return False
         shared = self._shared_lanes()
@@ -164,9 +164,9 @@ class _Encounter:
         return in_good_time or self._followed_at_its_last_chance()
 
     def _followed_at_its_last_chance(self) -> bool:
-        """Whether both were wholly in one lane when the other, behind, last had time to brake.
+        """Return whether both were wholly in one lane when the other, behind, last had time to brake.
 
-        Where they went after it no longer matters: that one did not brake for the ego ahead in its lane.
+        Later movements do not matter: the other did not brake for the ego ahead in its lane.
         """
         for row in reversed(range(len(self.ego.s))):
             if self._other_had_time(row):
@@ -176,7 +176,7 @@ class _Encounter:
         return False
 
     def _shared_lanes(self) -> list[Lane]:
-        """The lanes that both have come into at the contact, or where there is none, that both touch."""
+        """Return the lanes that both have come into at the contact, or else the lanes that both touch."""
         for is_in in (_intrudes, _touches):
             shared = [
                 lane for lane in self.lanes if is_in(self.ego, lane)[-1] and is_in(self.other, lane)[-1]
@@ -186,7 +186,7 @@ class _Encounter:
         return []
 
     def _was_in_good_time(self, lane: Lane) -> bool:
-        """Whether the ego was in `lane` before the other came in behind, or left it time to brake."""
+        """Return whether the ego was in `lane` before the other came in behind, or left it time to brake."""
         entered, inside = _since(_touches(self.ego, lane)), _since(_inside(self.ego, lane))
         if self.other_appeared and inside == 0:
             return True
@@ -197,24 +197,24 @@ class _Encounter:
         return any(map(self._other_had_time, rows))
 
     def _other_entered(self) -> int | None:
-        """The row in which the other came into the ego's lane; None if it never was seen outside."""
+        """Return the row in which the other came into the ego's lane; None if it was always inside."""
         entered = _since(_intrudes(self.other, _lane_at(float(self.ego.y[-1]), self.lanes)))
         return entered if entered else None
 
     def cut_off(self) -> bool:
-        """The ego kept its lane and the other entered it ahead, leaving too little time to brake."""
+        """Return whether the ego kept its lane and the other entered it ahead, too late to brake for."""
         entered = self._other_entered()
         if entered is None or self._came_from() <= 0 or not self._ego_kept_lane_since_before(entered):
             return False
         return not self._left_time(entered, rear=self.ego, front=self.other)
 
     def struck_from_the_side(self) -> bool:
-        """The ego kept its lane and the other, alongside, moved sideways into it."""
+        """Return whether the ego kept its lane and the other, alongside, moved sideways into it."""
         entered = self._other_entered()
         return entered is not None and self._met_sideways() and self._ego_kept_lane_since_before(entered)
 
     def out_of_nowhere(self) -> bool:
-        """The other appeared inside the stopping distance of the rear one, which had no time to stop."""
+        """Return whether the other appeared inside the rear one's stopping distance, too late to stop."""
         if not self.other_appeared:
             return False
         rear = self.other if self.other.s[0] < self.ego.s[0] else self.ego

@@ -1,4 +1,4 @@
-"""The Intelligent Driver Model: how hard a follower speeds up or brakes behind a leader.
+"""The Intelligent Driver Model: a follower's acceleration behind a leader.
 
 Source: Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3; parameters: Table 11.2, highway.
 """
@@ -19,23 +19,23 @@ DESIRED_SPEED: Final = 120 / 3.6
 """The speed on a free road [m/s]."""
 
 TIME_GAP: Final = 1.0
-"""The time headway that a follower keeps [s]."""
+"""The time headway of a follower [s]."""
 
 MINIMUM_GAP: Final = 2.0
-"""The gap that it keeps at standstill [m]."""
+"""The gap at standstill [m]."""
 
 ACCELERATION: Final = 1.0
-"""How hard it speeds up at most [m/s²]."""
+"""The largest acceleration [m/s²]."""
 
 COMFORTABLE_BRAKING: Final = 1.5
-"""How hard it brakes where nothing calls for more [m/s²]."""
+"""The comfortable braking [m/s²]."""
 
 _LEAST_GAP: Final = 0.01
-"""Gaps count as at least so long [m]: the model divides by them."""
+"""Gaps count as at least this long [m], because the model divides by them."""
 
 
 def acceleration(gap: Floats, speed: Floats, leader_speed: Floats) -> Floats:
-    """What following a leader asks for [m/s²], at least full braking, at most what a free road does.
+    """Return the acceleration behind a leader [m/s²], from full braking up to that on a free road.
 
     `gap` [m] from bumper to bumper, `speed` and `leader_speed` [m/s] along the road; all of one shape.
     """
@@ -46,7 +46,7 @@ def acceleration(gap: Floats, speed: Floats, leader_speed: Floats) -> Floats:
 
 
 def free_acceleration(speed: Floats) -> Floats:
-    """What a free road asks for [m/s²]: 0 for vehicles that are faster than the desired speed already.
+    """Return the acceleration on a free road [m/s²]: 0 above the desired speed.
 
     The model's exponent is 4. Source: Table 11.2.
     """

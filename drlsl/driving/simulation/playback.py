@@ -1,4 +1,4 @@
-"""Recordings laid out for driving in them: per-frame arrays that many egos read at once."""
+"""Recordings laid out for driving: arrays per frame, read by many egos at once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NUMBERS: Final = ("x", "y", "vx", "vy", "length", "width")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Film:
-    """The frames of recordings, one row each; slot 0 is empty in all of them: the ego's place in a scene.
+    """The frames of recordings, one row each; slot 0 is always empty: the ego's place in a scene.
 
     `numbers` (6, R, S): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane` and `first`, as in the
     recording, and `valid` (R, S).
@@ -39,7 +39,7 @@ class Film:
 
     @classmethod
     def of(cls, recording: Recording) -> Film:
-        """The film of one recording."""
+        """Return the film of one recording."""
         frames = recording.frames
         film = cls.blank(*frames.valid.shape)
         for column, name in zip(film.numbers, NUMBERS, strict=True):
@@ -50,14 +50,14 @@ class Film:
 
     @classmethod
     def blank(cls, frames: int, vehicles: int) -> Film:
-        """A film without vehicles that has room for some."""
+        """Return a film without vehicles, with room for `vehicles`."""
         shape = (frames, vehicles + 1)
         vehicle, lane, first = np.zeros((3, *shape), dtype=np.int64)
         return cls(np.zeros((len(NUMBERS), *shape)), vehicle, lane, first, np.zeros(shape, dtype=np.bool_))
 
     @classmethod
     def joined(cls, films: Sequence[Film]) -> Film:
-        """The frames of several films, one film after another."""
+        """Return the frames of several films, one film after another."""
         if len(films) == 1:
             return films[0]
         film = cls.blank(sum(map(len, films)), max(one.valid.shape[1] for one in films) - 1)
@@ -71,7 +71,7 @@ class Film:
         return film
 
     def part(self, begin: int, end: int) -> Film:
-        """Some of the rows, not copied."""
+        """Return a view of some rows."""
         if (begin, end) == (0, len(self)):
             return self
         rows = slice(begin, end)
@@ -83,7 +83,7 @@ class Film:
         return int(self.valid.shape[0])
 
     def __deepcopy__(self, memo: object) -> Self:
-        """The film itself: nobody writes to one that is driven in."""
+        """Return the film itself: a film in use is never written to."""
         return self
 
 
@@ -99,7 +99,7 @@ class Playback:
     x_max: float
 
     def __deepcopy__(self, memo: object) -> Self:
-        """The playback itself: nothing in it changes."""
+        """Return the playback itself: nothing in it changes."""
         return self
 
     @property
@@ -118,18 +118,18 @@ class Playback:
         return self.x_max - self.x_min
 
     def at(self, along: Floats | float) -> Floats | float:
-        """The x that is `along` [m] from the beginning of the stretch."""
+        """Return the x that is `along` [m] from the beginning of the stretch."""
         return self.x_min + along if self.sign > 0 else self.x_max - along
 
     def track(self, frame: int, slot: int, since: int) -> Track:
-        """The track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
+        """Return the track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
         begin = max(int(self.film.first[frame, slot]), since)
         x, y, vx, _, length, width = self.film.numbers[:, begin : frame + 1, slot]
         return Track(self.sign * x, y, self.sign * vx, float(length[-1]), float(width[-1]))
 
 
 def playbacks_of(recordings: Iterable[Recording], radar_range: float) -> list[Playback]:
-    """Both directions of each recording, for egos that see `radar_range` [m] far."""
+    """Return both directions of each recording, for egos that see `radar_range` [m] far."""
     result: list[Playback] = []
     for recording in recordings:
         film, road = Film.of(recording), road_of(recording, radar_range)
@@ -141,7 +141,7 @@ def playbacks_of(recordings: Iterable[Recording], radar_range: float) -> list[Pl
 
 
 def in_direction(playbacks: Sequence[Playback], config: EnvConfig) -> list[Playback]:
-    """Those for an ego that drives as `config` says.
+    """Return the playbacks for an ego that drives in the direction of `config`.
 
     Raises:
         UserError: there is none.
@@ -156,10 +156,10 @@ def in_direction(playbacks: Sequence[Playback], config: EnvConfig) -> list[Playb
 
 
 def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
-    """For each configuration what its egos drive in; a recording is laid out once.
+    """Return the playbacks of each configuration's egos; each recording is laid out once.
 
     Raises:
-        UserError: a recording cannot be read, or has no lane of the direction that is asked for.
+        UserError: a recording cannot be read, or has no lane in the requested direction.
     """
     loaded: dict[tuple[str, float], list[Playback]] = {}
     result = []
@@ -174,7 +174,7 @@ def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
 
 
 def road_of(recording: Recording, radar_range: float) -> Road:
-    """The road of `recording` for an ego that sees `radar_range` [m] far."""
+    """Return the road of `recording` for an ego that sees `radar_range` [m] far."""
     return Road(
         recording.lanes, recording.dt, radar_range, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
     )
@@ -182,12 +182,12 @@ def road_of(recording: Recording, radar_range: float) -> Road:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Courses:
-    """What driving needs to know of the playbacks that N egos drive in; a value for each ego.
+    """The data of the playbacks that N egos drive in; one value for each ego.
 
-    `begin`, `frames`: the first row of the film and how many; `dt` [s]; `sign` of motion along x; `road`, an
-    index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`, the edges
-    of the direction's lanes [m]; `lanes`, how many; `slots`, how many vehicles' places its own film has. Of
-    shape (N, L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
+    `begin`, `frames`: the first row of the film and the number of rows; `dt` [s]; `sign` of motion along x;
+    `road`, an index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`,
+    the edges of the direction's lanes [m]; `lanes`: their number; `slots`: the number of slots of its own
+    film. Of shape (N, L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
     """
 
     begin: Integers
@@ -206,7 +206,7 @@ class Courses:
     width: Floats
 
     def take(self, chosen: Integers) -> Courses:
-        """The courses that `chosen` names, shape (N,)."""
+        """Return the courses of the indexes `chosen`, shape (N,)."""
         return Courses(*(getattr(self, field.name).take(chosen, axis=0) for field in fields(self)))
 
 
@@ -214,7 +214,7 @@ class Playbacks:
     """Several playbacks, laid out in one film; `courses` has a value for each of them."""
 
     def __deepcopy__(self, memo: object) -> Self:
-        """The playbacks themselves: nothing in them changes."""
+        """Return the playbacks themselves: nothing in them changes."""
         return self
 
     def __init__(self, playbacks: Sequence[Playback]) -> None:

@@ -1,7 +1,7 @@
-"""Safe actions by linear prediction instead of rules: what MPSDQN masks its actions with.
+"""Safe actions by linear prediction instead of rules, for the masks of MPSDQN.
 
-Every vehicle keeps its velocity; the ego keeps its speed along the road and moves sideways as its lane
-controller has it for each action. An action is offered unless, within the horizon, the ego's box meets
+Every vehicle keeps its velocity; the ego keeps its speed along the road and moves sideways by its lane
+controller's law for each action. An action is offered unless, within the horizon, the ego's box meets
 another's or the ego leaves the lanes of its direction.
 
 Source: paper, MPSDQN, which looks one step ahead; here the horizon is a setting.
@@ -22,17 +22,17 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
 TICK: Final = 0.1
-"""The longest time between two moments that are looked at [s]: in it, two cars that close in at 250 km/h do
-not pass through each other."""
+"""The longest time between two predicted moments [s]: too short for two cars that approach at 250 km/h to
+pass through each other."""
 
 NOTHING_OFFERED: Final = "the prediction offers no action: each meets a vehicle or leaves the road"
-"""Why a scene has the prediction's fail-safe: keep the lane, as fast as the rules have it."""
+"""The reason for the prediction's fail-safe: keep the lane, at the rules' target speed."""
 
 
 def predicted_actions(scenes: SceneBatch, targets: Floats, low: Floats, high: Floats, horizon: float) -> Mask:
-    """Which actions stay clear of others and on the road for `horizon` [s], shape (N, 3).
+    """Return the mask of actions that avoid vehicles and stay on the road for `horizon` [s], shape (N, 3).
 
-    `targets` (N, 3): the y [m] that each action steers for, NaN for one that would not be taken up; `low` and
+    `targets` (N, 3): the y [m] that each action steers for, NaN for one that would be ignored; `low` and
     `high` (N,): the edges of the ego's lanes [m].
     """
     ticks = math.ceil(horizon / TICK)
@@ -46,10 +46,10 @@ def predicted_actions(scenes: SceneBatch, targets: Floats, low: Floats, high: Fl
 
 
 def sideways(y: Floats, targets: Floats, times: Floats) -> Floats:
-    """Where the ego is across the road [m] at `times` [s] on its way from `y` (N,) to `targets` (N, A).
+    """Return the ego's y [m] at `times` [s] on its way from `y` (N,) to `targets` (N, A).
 
-    The lane controller's law without its integral part and its limit of acceleration: as fast as it moves,
-    then ever slower towards the centre. Of shape (N, A, T).
+    This is the lane controller's law without its integral part and its limit of acceleration: at the largest
+    speed, then ever slower towards the centre. Shape (N, A, T).
     """
     error = y[:, None] - targets
     knee = LATERAL_SPEED_LIMIT / LANE_GAIN
@@ -61,7 +61,7 @@ def sideways(y: Floats, targets: Floats, times: Floats) -> Floats:
 
 
 def _meets(scenes: SceneBatch, path: Floats, times: Floats) -> Mask:
-    """Whether the ego's box meets another on each path (N, A, T) across the road, shape (N, A)."""
+    """Return whether the ego's box meets another on each path (N, A, T) across the road, shape (N, A)."""
     offset = scenes.x[:, 1:] - scenes.x[:, :1]
     drift = scenes.vx[:, 1:] - scenes.vx[:, :1]
     reach = (scenes.length[:, 1:] + scenes.length[:, :1]) / 2

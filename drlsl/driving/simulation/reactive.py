@@ -1,9 +1,9 @@
 """Traffic that reacts: recorded vehicles that brake for the ego instead of driving through it.
 
-A vehicle drives its recorded track until the Intelligent Driver Model has it brake, harder than the record
-does, for the ego or for another vehicle that has left the record. From then on it drives a *lag* behind its
-recorded place: where it is across the road, it is as recorded; along the road, it follows whoever is in its
-way, and makes up for its lag where there is room. It is never ahead of the record, and goes with its track.
+A vehicle drives its recorded track until the Intelligent Driver Model demands harder braking than the record
+has, for the ego or for another vehicle that has left the record. From then on it drives a *lag* behind its
+recorded place: across the road it is where it was recorded; along the road it follows the vehicle in its way,
+and makes up for its lag if there is room. It is never ahead of the record, and disappears with its track.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
 SIDE_ROOM: Final = 0.5
-"""A vehicle ahead is in the way of one that would pass it by with less room between their sides [m]."""
+"""Sideways room [m] below which a vehicle ahead is in the way."""
 
 _LOOKED_AT: Final = 30
-"""Of so many cars ahead, on all lanes, the nearest in the way is followed."""
+"""Number of cars ahead, on all lanes, among which the leader is searched."""
 
 _LEAST_LAG: Final = 1e-6
-"""The lag of a vehicle that has left the record, but is where it was recorded [m]."""
+"""The lag of a vehicle that has left the record, but is back at its recorded place [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cars:
-    """Who is where in N scenes, along the ego's direction of travel; all of shape (N, S).
+    """Cars in N scenes, along the ego's direction of travel; all of shape (N, S).
 
-    `there`: the ego, and every recorded vehicle that does not come the other way.
+    `there`: the ego, and every recorded vehicle that is not oncoming.
     """
 
     s: Floats
@@ -58,17 +58,17 @@ class _Cars:
 
 
 class ReactiveTraffic:
-    """Who lags behind the record, around each of N egos; `lag` [m] >= 0 and `speed` [m/s], shape (N, S)."""
+    """The vehicles behind their record, around N egos; `lag` [m] >= 0 and `speed` [m/s], shape (N, S)."""
 
     def __init__(self, film: Film, count: int, memory: int) -> None:
-        """`memory`: for how many steps it is known who lagged."""
+        """Put all vehicles on the record; lags are remembered for `memory` steps."""
         self._film = film
         self.lag = np.zeros((count, film.valid.shape[1]))
         self.speed = np.zeros_like(self.lag)
         self._past: deque[tuple[Integers, Floats, Floats]] = deque(maxlen=memory)
 
     def forget(self, ego: int) -> None:
-        """Put everybody around an ego back on the record."""
+        """Put all vehicles around an ego back on the record."""
         self.lag[ego] = 0.0
 
     def advance(self, scenes: SceneBatch, courses: Courses, frame: Integers) -> None:
@@ -88,7 +88,7 @@ class ReactiveTraffic:
         self._past.append((lagging, self.lag.ravel()[lagging], self.speed.ravel()[lagging]))
 
     def apply(self, numbers: Floats, sign: Floats, places: Integers | None) -> None:
-        """Put the vehicles that lag in their places in recorded `numbers`, shape (6, P, S)."""
+        """Move the lagging vehicles to their places in recorded `numbers`, shape (6, P, S)."""
         lag, speed = (
             (self.lag, self.speed)
             if places is None
@@ -99,7 +99,7 @@ class ReactiveTraffic:
         numbers[2, row, slot] = sign[row] * speed[row, slot]
 
     def driven(self, ego: int, slot: int, track: Track) -> Track:
-        """What became of a recorded track that ends now."""
+        """Return the track actually driven, for a recorded track that ends now."""
         s, speed = track.s.copy(), track.speed.copy()
         place = ego * self.lag.shape[1] + slot
         for back in range(1, min(len(s), len(self._past)) + 1):
@@ -111,7 +111,7 @@ class ReactiveTraffic:
         return replace(track, s=s, speed=speed)
 
     def get_state(self) -> dict[str, Any]:
-        """Who lags, and who lagged."""
+        """Return the present and remembered lags."""
         past = [np.concatenate(columns) for columns in zip(*self._past, strict=True)]
         counts = np.array([len(lagging) for lagging, _, _ in self._past], dtype=np.int64)
         return {"lag": self.lag.copy(), "speed": self.speed.copy(), "past": past, "counts": counts}
@@ -133,7 +133,7 @@ class ReactiveTraffic:
         later: Integers,
         frame: Integers,
     ) -> None:
-        """Move the vehicles in `places` of (N, S) to `frame`; `demand` [m/s²]: what following asks."""
+        """Move the vehicles in `places` of (N, S) to `frame`; `demand`: their IDM acceleration [m/s²]."""
         film = self._film
         ego, slot = np.divmod(places, self.lag.shape[1])
         sign, dt = courses.sign[ego], courses.dt[ego]
@@ -143,7 +143,7 @@ class ReactiveTraffic:
         lag, speed = self.lag[ego, slot], speeds[ego, slot]
         wanted = np.minimum(demand, idm.free_acceleration(speed))
         leaves = (lag > 0.0) | (wanted < np.minimum(0.0, (recorded_speed - speed) / dt))
-        # To catch up, but so that comfortable braking leads to the recorded place at the recorded speed.
+        # Catch up so that comfortable braking leads to the recorded place at the recorded speed.
         fastest = recorded_speed + np.sqrt(2 * idm.COMFORTABLE_BRAKING * lag)
         new = np.maximum(np.minimum(speed + wanted * dt, fastest), speed - BRAKING_LIMIT * dt)
         new = np.maximum(new, 0.0)
@@ -155,7 +155,7 @@ class ReactiveTraffic:
 
 
 def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
-    """Who lags, or has an ego or somebody who lags in the way, and who that is, the nearest one.
+    """Return the followers that lag, or whose leader is an ego or lags, and those nearest leaders.
 
     As places in the flattened scenes. Egos follow nobody.
     """
@@ -165,7 +165,7 @@ def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
     y, reach = (np.take_along_axis(array, order, axis=1) for array in (cars.y, cars.width / 2))
     column, ego = np.arange(slots), order == 0
     leads = lags | ego
-    # Nobody else can have to answer to anyone.
+    # No other vehicle can be a follower.
     last = slots - 1 - leads[:, ::-1].argmax(axis=1)
     waiting = there & ~ego & (lags | (column < last[:, None]))
     front = np.full(order.shape, -1)
@@ -188,7 +188,7 @@ def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
 
 
 def _demand(cars: _Cars, rear: Integers, front: Integers) -> Floats:
-    """What following asks of the rear cars [m/s²]."""
+    """Return the IDM accelerations of the rear cars [m/s²]."""
     s, length, speed = cars.s.ravel(), cars.length.ravel(), cars.speed.ravel()
     gap = s[front] - s[rear] - (length[front] + length[rear]) / 2
     return idm.acceleration(gap, speed[rear], speed[front])

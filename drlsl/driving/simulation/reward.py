@@ -19,7 +19,7 @@ TERMS: Final = ("lane_change", "velocity", "collision", "off_road")
 def reward_terms(
     config: RewardConfig, *, changed: Mask, speed: Floats, contact: Mask, off_road: Mask, progress: Floats
 ) -> dict[str, Floats]:
-    """Weighted terms, each of shape (N,); the reward is their sum.
+    """Return weighted terms, each of shape (N,); the reward is their sum.
 
     `changed`: a lane change was started; `speed` [m/s]; `progress` in [0, 1]: distance driven over the
     track's length.

@@ -1,8 +1,8 @@
-"""Sensing faults: what the rules see of other vehicles is noisy, incomplete and old.
+"""Sensing faults: the rules see other vehicles noisily, incompletely and late.
 
 Errors of place and speed are first-order Gauss-Markov processes, one for each number of each vehicle; a
-vehicle is lost and found again as a two-state Markov process; what is seen is as old as the latency, or,
-soon after the ego was placed, as old as its presence on the road. Of itself the ego knows the truth.
+vehicle is lost and found again as a two-state Markov process; the sensed state is as old as the latency or,
+soon after the ego was placed, as old as its presence on the road. The ego knows its own state exactly.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
 _SEEN: Final = ("x", "y", "vx", "vy", "length", "width", "id", "lane", "there")
-"""What is remembered of each vehicle for as long as the latency."""
+"""The fields of each vehicle that are remembered for the latency."""
 
 
 class Sensing:
-    """What N egos see of the vehicles around them; each ego's faults come from a generator of its own."""
+    """The sensing of N egos; each ego's faults come from a generator of its own."""
 
     def __init__(self, config: SensingConfig, playbacks: Playbacks, radar_range: float, count: int) -> None:
         self._config = config
@@ -38,7 +38,7 @@ class Sensing:
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self._errors = np.zeros((4, count, slots))
         self._lost = np.zeros((count, slots), dtype=np.bool_)
-        # How many looks ago the oldest one was that may be shown; one more is the present.
+        # Age of the oldest look that may be shown; the present is one more.
         oldest = round(config.latency / float(playbacks.courses.dt.min()))
         shape = (oldest + 1, count, slots)
         self._ring: dict[str, npt.NDArray[Any]] = {
@@ -49,18 +49,18 @@ class Sensing:
         self._looks = np.zeros(count, dtype=np.int64)
 
     def begin(self, ego: int, rng: np.random.Generator) -> None:
-        """Begin an episode whose faults are a function of the state of `rng`, which stays as it is."""
+        """Begin an episode whose faults are a function of the state of `rng`, which is left unchanged."""
         twin = type(rng.bit_generator)(0)
         twin.state = rng.bit_generator.state
         seed = np.random.Generator(twin).integers(2**32, size=4)
         self._rngs[ego] = np.random.default_rng(seed.tolist())
 
     def forget(self, ego: int) -> None:
-        """The ego was placed anew: it has seen nothing yet."""
+        """Forget the past of an ego that was placed anew."""
         self._looks[ego] = 0
 
     def perceive(self, scenes: SceneBatch, courses: Courses, frame: Integers, places: Integers) -> SceneBatch:
-        """What the egos in `places` see, who are in `scenes`, shape (P,), in `frame` of their courses."""
+        """Return what the egos in `places` see in `scenes`, shape (P,), in `frame` of their courses."""
         rows = courses.begin + np.minimum(frame, courses.frames - 1)
         fresh = self._film.first.take(rows, axis=0) == frame[:, None]
         fresh |= self._looks[places][:, None] == 0
@@ -69,7 +69,7 @@ class Sensing:
         return self.shown(scenes, courses, places)
 
     def get_state(self) -> dict[str, Any]:
-        """The faults and what is remembered of the past."""
+        """Return the faults and the remembered past."""
         return {
             "errors": self._errors.copy(),
             "lost": self._lost.copy(),
@@ -88,12 +88,12 @@ class Sensing:
             rng.bit_generator.state = rng_state
 
     def _drift(self, courses: Courses, fresh: Mask, places: Integers) -> None:
-        """Move the faults on by one time step; those of `fresh` vehicles begin anew."""
+        """Advance the faults by one time step; those of `fresh` vehicles begin anew."""
         config = self._config
         normal = np.zeros((4, *fresh.shape))
         uniform = np.ones(fresh.shape)
         for index, (ego, slots) in enumerate(zip(places.tolist(), courses.slots.tolist(), strict=True)):
-            # As many draws as the ego's own recording has places, whatever others drive in.
+            # One draw for each slot of the ego's own recording, whatever the others' recordings have.
             normal[:, index, :slots] = self._rngs[ego].standard_normal((4, slots))
             uniform[index, :slots] = self._rngs[ego].random(slots)
         dt = courses.dt[:, None]
@@ -108,7 +108,7 @@ class Sensing:
             self._lost[places] = uniform < chance
 
     def _remember(self, scenes: SceneBatch, recorded: Mask, places: Integers) -> None:
-        """Add what is measured now to what is remembered."""
+        """Add the present measurements to the memory."""
         config, errors = self._config, self._errors[:, places]
         y = scenes.y + config.position_noise * errors[1]
         lane = scenes.lane
@@ -135,7 +135,7 @@ class Sensing:
         self._looks[places] += 1
 
     def shown(self, scenes: SceneBatch, courses: Courses, places: Integers) -> SceneBatch:
-        """The scenes with the others as last perceived, as old as the latency."""
+        """Return the scenes with the others as last perceived, as old as the latency."""
         age = np.minimum(np.rint(self._config.latency / courses.dt).astype(np.int64), self._looks[places] - 1)
         at = (self._now[places] - age) % len(self._ring["x"])
         seen: dict[str, Any] = {name: array[at, places] for name, array in self._ring.items()}
@@ -149,7 +149,7 @@ class Sensing:
 
 
 def _lane_table(roads: tuple[Road, ...]) -> tuple[Integers, Floats, Floats]:
-    """The ids, centres and widths [m] of the lanes of each road, shape (R, L); NaN where there is no lane."""
+    """Return ids, centres and widths [m] of each road's lanes, shape (R, L); NaN where there is none."""
     most = max(len(road.lanes) for road in roads)
     ids = np.zeros((len(roads), most), dtype=np.int64)
     centre, width = np.full((2, len(roads), most), np.nan)
@@ -161,7 +161,7 @@ def _lane_table(roads: tuple[Road, ...]) -> tuple[Integers, Floats, Floats]:
 
 
 def _lane_of(y: Floats, ids: Integers, centre: Floats, width: Floats, road: Integers) -> Integers:
-    """The id of the lane whose strip holds each y (P, S), on the roads (P,) of the tables; 0 for none."""
+    """Return the id of the lane whose strip holds each y (P, S), on roads (P,) of the tables; 0 for none."""
     inside = np.abs(y[..., None] - centre[road, None]) <= width[road, None] / 2
     found = np.take_along_axis(ids[road], inside.argmax(axis=2), axis=1)
     return np.where(inside.any(axis=2), found, 0)

@@ -27,14 +27,14 @@ Integers: TypeAlias = npt.NDArray[np.int64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
 MEMORY: Final = 12.0
-"""How far back tracks are kept for judging contacts [s]."""
+"""Length of the tracks that are kept for judging contacts [s]."""
 
 NOT_RESET: Final = "reset the world first: it has no scenes yet"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResult:
-    """What one step brought, for N egos; `scenes` as they are, whatever the rules see of them.
+    """The results of one step, for N egos; `scenes` are the true ones, whatever the rules see of them.
 
     Arrays are of shape (N,); `rewards` holds the weighted terms. `contacts`: by ego, the contact that ended
     its episode. `changed`: the step started a lane change; `entered`: the ego was placed anew on the
@@ -59,16 +59,15 @@ class World:
     """N egos that drive in recordings.
 
     An ego's episode: enter in a safe gap, drive `track_length` metres, re-entering at the beginning of the
-    stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, it
-    does not enforce them: a lane change that is not offered is driven as told. While a lane change is under
-    way, new lane changes are not taken up. What an ego does between the end of its episode and its reset
-    means nothing.
+    stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, but
+    does not enforce them: it also drives a lane change that is not offered. During a lane change, new lane
+    changes are ignored. Between the end of its episode and its reset, an ego's state is undefined.
     """
 
     def __init__(self, config: EnvConfig, playbacks: Sequence[Sequence[Playback]], shield: Shield) -> None:
-        """Lay out the playbacks; for each ego those that it may drive in, one drawn for every episode.
+        """Lay out the playbacks: for each ego those that it may drive in, one drawn for every episode.
 
-        Of `config`, everything but the recording and the direction counts.
+        The recording and the direction of `config` are ignored.
         """
         distinct = list(dict.fromkeys(one for choices in playbacks for one in choices))
         numbers = {one: number for number, one in enumerate(distinct)}
@@ -99,14 +98,14 @@ class World:
 
     @property
     def decisions(self) -> Decisions:
-        """What the egos are offered and asked, in the scenes that they are in."""
+        """The decisions about the egos' present scenes."""
         if self._decisions is None:
             raise RuntimeError(NOT_RESET)
         return self._decisions
 
     @property
     def seen(self) -> SceneBatch:
-        """The scenes that the rules were last asked about."""
+        """The scenes of the last query of the rules."""
         if self._seen is None:
             raise RuntimeError(NOT_RESET)
         return self._seen
@@ -122,28 +121,28 @@ class World:
         return self._egos.at.speed
 
     def scene(self, ego: int) -> Scene:
-        """The scene of one ego that the rules were last asked about."""
+        """Return the scene of one ego in the last query of the rules."""
         return self.seen.scene(ego)
 
     def targets(self) -> Floats:
-        """The y [m] that each action would have each ego steer for, shape (N, 3).
+        """Return the y [m] that each action would steer each ego for, shape (N, 3).
 
-        NaN for a lane change that would not be taken up; to a side without a lane, beyond the road.
+        NaN for a lane change that would be ignored; beyond the road on a side without a lane.
         """
         return self._egos.targets(self.decisions.lane_to_keep, self._courses, self._everyone)
 
     def playback_of(self, ego: int) -> Playback:
-        """The playback that an ego drives in."""
+        """Return the playback that an ego drives in."""
         return self.playbacks.all[int(self._egos.at.playback[ego])]
 
     def frame_of(self, ego: int) -> int:
-        """The recorded frame that an ego is in."""
+        """Return the recorded frame that an ego is in."""
         return int(self._egos.at.frame[ego])
 
     def reset(self, egos: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
-        """Begin new episodes for `egos`, each a function of its generator alone; the others stay as they are.
+        """Begin new episodes for `egos`, each a function of its generator alone; others are left unchanged.
 
-        The first reset has to be of all egos, in order.
+        The first reset must be of all egos, in order.
 
         Raises:
             UserError: the recording has no gap to enter.
@@ -154,12 +153,12 @@ class World:
         seen = self._perceive(scenes, places)
         decisions = self._ask(seen, places)
         if self._scenes is not None and self._seen is not None and self._decisions is not None:
-            # The old ones may have been handed out: they stay as they are.
+            # The old ones may have been handed out: leave them unchanged.
             seen = self._seen.replaced(places, seen) if self._sensing else seen
             scenes = self._scenes.replaced(places, scenes)
             decisions = self._decisions.replaced(places, decisions)
         elif places.tolist() != self._everyone.tolist():
-            raise RuntimeError("the first reset has to be of all egos, in order")
+            raise RuntimeError("the first reset must be of all egos, in order")
         self._scenes, self._decisions = scenes, decisions
         self._seen = seen if self._sensing else scenes
 
@@ -170,11 +169,11 @@ class World:
     ) -> StepResult:
         """Drive one step with `actions` of shape (N,), each an `Action`.
 
-        Egos whose episode has ended do not count: their rewards are 0 and nothing happens to them. Those in
-        `restarts` begin a new episode instead, as in `reset`.
+        Egos whose episode has ended have rewards of 0 and no events. Those in `restarts` begin a new episode
+        instead, as in `reset`.
 
         Raises:
-            TypeError, ValueError: the actions are not N of those that there are; nothing is driven.
+            TypeError, ValueError: `actions` are not N valid actions; nothing is driven.
             UserError: the rules keep a lane that the road does not have.
         """
         actions = several_actions(actions, self.count)
@@ -223,9 +222,9 @@ class World:
         )
 
     def get_state(self) -> dict[str, Any]:
-        """Where everybody is and what the egos' controllers and generators remember: arrays and plain types.
+        """Return the state of traffic, egos, controllers and generators, in arrays and plain types.
 
-        What the egos see, and what they are offered, is in it where it cannot be found out again.
+        The egos' sensing and decisions are included if they cannot be computed again.
         """
         if self._scenes is None:
             raise RuntimeError(NOT_RESET)
@@ -237,7 +236,7 @@ class World:
         return state
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Take over what `get_state` gave in a world of the same making."""
+        """Take over what `get_state` gave in a world made alike."""
         self._egos.set_state(state)
         self.rngs = [np.random.default_rng() for _ in range(self.count)]
         for rng, rng_state in zip(self.rngs, state["rngs"], strict=True):
@@ -268,7 +267,7 @@ class World:
         self._courses = self.playbacks.courses.take(at.playback)
 
     def _place(self, ego: int, entry: Entry) -> None:
-        """Put an ego at an entry, into traffic that has not met it."""
+        """Put an ego at an entry, with all traffic around it on the record."""
         self._egos.place(ego, entry)
         if self._reactive is not None:
             self._reactive.forget(ego)
@@ -276,7 +275,7 @@ class World:
             self._sensing.forget(ego)
 
     def _look(self, places: Integers | None = None) -> Surroundings:
-        """The scenes around the egos in `places`, or around all of them."""
+        """Return the scenes around the egos in `places`, or around all of them."""
         at, courses = self._egos.at, self._courses
 
         def chosen(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -311,7 +310,7 @@ class World:
         return Surroundings(scenes, recorded, dx, dy)
 
     def _decide(self, scenes: SceneBatch, placed: Sequence[int]) -> Decisions:
-        """What the egos are offered in `scenes`, in which those `placed` are now somewhere else."""
+        """Return the decisions about `scenes`, in which the egos `placed` were moved."""
         if placed:
             places = np.array(placed)
             scenes.put(places, self._look(places).scenes)
@@ -320,13 +319,13 @@ class World:
         return self._decisions
 
     def _perceive(self, scenes: SceneBatch, places: Integers) -> SceneBatch:
-        """What the egos in `places` see, who are in `scenes`."""
+        """Return what the egos in `places` see in `scenes`."""
         if self._sensing is None:
             return scenes
         return self._sensing.perceive(scenes, self._courses.take(places), self._egos.at.frame[places], places)
 
     def _ask(self, seen: SceneBatch, places: Integers) -> Decisions:
-        """What the egos in `places` are offered, and the rest of what the rules say about what they see."""
+        """Return the decisions about what the egos in `places` see."""
         decisions = self.shield.decide_batch(seen)
         if self.config.offers == "rules":
             return decisions
@@ -336,7 +335,7 @@ class World:
         courses = self._courses.take(places)
         targets = self._egos.targets(decisions.lane_to_keep, self._courses, places)
         mask = predicted_actions(seen, targets, courses.low, courses.high, self.config.prediction_horizon)
-        # Where the rules failed, their fail-safe holds.
+        # If the rules failed, their fail-safe stands.
         mask[list(decisions.failures)] = decisions.action_mask[list(decisions.failures)]
         stuck = np.flatnonzero(~mask.any(axis=1)).tolist()
         mask[stuck, Action.LANE_KEEPING] = True
@@ -344,7 +343,7 @@ class World:
         return replace(decisions, action_mask=mask, failures=failures)
 
     def _judge(self, ego: int, slot: int) -> Contact:
-        """The contact of an ego with the vehicle in a slot."""
+        """Return the contact of an ego with the vehicle in a slot."""
         playback, frame, past = self.playback_of(ego), self.frame_of(ego), self._egos.past
         own = past.track(ego, playback.sign, self._egos.size)
         placed_at = frame - int(past.kept[ego]) + 1
@@ -362,7 +361,7 @@ class World:
         return Contact(int(playback.film.vehicle[frame, slot]), verdict, closing)
 
     def _reenter(self, over: Mask) -> Mask:
-        """Place anew the egos that drive on but have reached the end of the stretch or of the recording."""
+        """Place the egos anew that have reached the end of the stretch or of the recording."""
         at, courses = self._egos.at, self._courses
         driven = courses.sign * (at.x - courses.start) + self.config.ego_length / 2
         entered: Mask = (over | (driven >= courses.length)) & ~at.ended
