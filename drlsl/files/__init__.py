@@ -1,4 +1,4 @@
-"""Files: text, JSON and YAML read strictly; files written whole, sealed and locked."""
+"""Files: text, JSON and YAML, read strictly; files written whole, with checksums and locks."""
 
 import lazy_loader
 

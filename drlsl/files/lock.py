@@ -1,4 +1,4 @@
-"""Locks on folders: one process at a time, and others are told which."""
+"""Locks on folders: one process at a time, and its error tells the others which."""
 
 import os
 import platform
@@ -12,16 +12,16 @@ from drlsl.errors import UserError
 
 
 class FolderLock:
-    """A lock that ends with the process, however it ends; the file that stays behind locks nobody out.
+    """A lock that ends with the process, however it ends; a lock file left behind locks nobody out.
 
-    The file says who holds it. As a context manager it is released at the end.
+    The file names the holder. As a context manager it is released at the end.
     """
 
     def __init__(self, folder: Path, file: str, what: str, *, wait_s: float = 0.0) -> None:
-        """Take the lock that `file` in `folder` stands for; `what` says in messages what it is for.
+        """Take the lock of `file` in `folder`; `what` states its purpose in messages.
 
         Raises:
-            UserError: somebody else holds it, and still does after `wait_s`, or the file cannot be made.
+            UserError: another process holds it, and still does after `wait_s`, or the file cannot be made.
         """
         path = folder / file
         self._lock = filelock.FileLock(path)
@@ -33,12 +33,12 @@ class FolderLock:
             ) from None
         except OSError as error:
             raise UserError(f"{path}: cannot lock: {error.strerror or error}") from error
-        # Where a locked file cannot be written to, as on Windows, others are not told who holds it.
+        # If a locked file cannot be written to, as on Windows, it does not name the holder.
         with suppress(OSError):
             path.write_text(f"process {os.getpid()} on {platform.node()}\n", "utf-8")
 
     def release(self) -> None:
-        """Let others have it; once is enough."""
+        """Release the lock; releasing it twice does no harm."""
         self._lock.release()
 
     def __enter__(self) -> Self:
@@ -49,7 +49,7 @@ class FolderLock:
 
 
 def _holder(path: Path) -> str:
-    """Who holds a lock, as far as its file tells."""
+    """Return the holder of a lock, as far as its file names it."""
     try:
         told = path.read_text("utf-8", errors="replace").strip()
     except OSError:

@@ -1,4 +1,4 @@
-"""Text files and JSON, read strictly and written so that every reader takes them."""
+"""Text files and JSON, read strictly and written so that every reader accepts them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from drlsl.logic import to_plain
 from drlsl.logic.loading import LARGEST_FILE
 
 MOST_DIGITS: Final = 400
-"""Digits of the longest integer in JSON: no float is as large as one with more."""
+"""Digits of the longest integer in JSON: longer ones exceed every float."""
 
 
 def read_text(path: str | Path, what: str = "") -> str:
-    """Read a file of UTF-8 text without its byte order mark; `what` says what it should be.
+    """Read a file of UTF-8 text without its byte order mark; `what` names its kind in errors.
 
     Raises:
-        UserError: It cannot be read, is too large, or is not UTF-8.
+        UserError: it cannot be read, is too large, or is not UTF-8.
     """
     named = f"{what} {path}".strip()
     try:
@@ -36,11 +36,11 @@ def read_text(path: str | Path, what: str = "") -> str:
 
 
 def parse_json(text: str, name: str) -> Any:
-    """Parse JSON text; `name` is what errors call it.
+    """Parse JSON text; `name` is its name in errors.
 
     Raises:
-        UserError: It is not JSON, with line and column; or it holds a key twice, or an integer that no float
-            comes near, which readers of JSON take differently.
+        UserError: it is not JSON (with line and column), holds a key twice, or an integer beyond the range of
+            floats, which readers of JSON treat differently.
     """
     try:
         return json.loads(text, object_pairs_hook=_object, parse_int=_integer)
@@ -53,7 +53,7 @@ def parse_json(text: str, name: str) -> Any:
 
 
 class _Refused(Exception):
-    """JSON that Python reads and that is refused all the same."""
+    """JSON that Python accepts but that is refused nevertheless."""
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -67,12 +67,12 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _integer(digits: str) -> int:
     if len(digits) > MOST_DIGITS:
-        raise _Refused(f"an integer of {len(digits)} digits, which is out of any range")
+        raise _Refused(f"an integer of {len(digits)} digits, which is out of range")
     return int(digits)
 
 
 def to_json(data: Any) -> str:
-    """Return data as JSON that every reader takes; what JSON lacks is text, as `to_plain` has it."""
+    """Return data as JSON that every reader accepts; values beyond JSON become text, as in `to_plain`."""
     return json.dumps(_plain(data), indent=2, allow_nan=False)
 
 

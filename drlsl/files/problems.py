@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with values, in one line for people."""
+"""Pydantic's validation errors in one line for people."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pydantic_core import ErrorDetails
 
 
 def problem_text(problem: ErrorDetails, place: str, unknown: str, more: str = "") -> str:
-    """Return what is wrong at `place`; `unknown` is said of a key that is not known, `more` comes behind."""
+    """Return the problem at `place`; `unknown` is the text for an unknown key, `more` is appended to it."""
     if problem["type"] == "missing":
         return f"{place} is missing{more}"
     if problem["type"] == "extra_forbidden":

@@ -1,7 +1,7 @@
-"""Checksums that files carry of their own content, so that a damaged one is never taken for what was saved.
+"""Checksums that files carry of their own content, so that a damaged file is never accepted.
 
-A file without a checksum is one of before there were any, or one that somebody wrote by hand: it is read as
-it is. SHA-256 is against accidents, not against people, who can compute it too.
+A file without a checksum is from an older version, or written by hand: it is read unchecked. SHA-256 guards
+against accidents, not against people, who can compute it, too.
 """
 
 import hashlib
@@ -21,21 +21,21 @@ _KEY: Final = "sha256"
 
 
 class DamagedError(ValueError):
-    """The content is not the one that its checksum was made of."""
+    """The content does not match its checksum."""
 
     def __str__(self) -> str:
-        return "the checksum does not fit the content"
+        return "the checksum does not match the content"
 
 
 def seal_archive(content: bytes) -> bytes:
-    """A ZIP archive without a comment, such as `torch.save` writes, with its checksum as the comment."""
+    """Add the checksum of a ZIP archive, such as `torch.save` writes, as its comment."""
     if not content.endswith(b"\0\0"):
         raise ValueError("expected a ZIP archive without a comment")
     return content[:-2] + _LENGTH.to_bytes(2, "little") + _MARK + _digest(content)
 
 
 def open_archive(content: bytes) -> bool:
-    """Whether the archive has a checksum; every bit of it is then covered.
+    """Check an archive that may have a checksum; return whether it has one.
 
     Raises:
         DamagedError: the checksum does not fit.
@@ -50,12 +50,12 @@ def open_archive(content: bytes) -> bool:
 
 
 def seal_text(text: str) -> str:
-    """Lines of text, such as YAML, with a last one that holds their checksum in a comment."""
+    """Return lines of text, such as YAML, with their checksum in a comment at the end."""
     return f"{text}{_LINE}{_digest(text.encode()).decode()}\n"
 
 
 def open_text(text: str) -> str:
-    """The lines that were sealed, or all of them where there is no checksum.
+    """Return the lines that were sealed, or all lines if there is no checksum.
 
     Raises:
         DamagedError: the checksum does not fit.
@@ -69,7 +69,7 @@ def open_text(text: str) -> str:
 
 
 def check_text(path: Path, advice: str) -> None:
-    """Refuse a file of sealed text that is not as it was written; `advice` says what to do then.
+    """Check that a file of sealed text is as it was written; `advice` is for the error.
 
     Raises:
         UserError: the checksum does not fit, or the file cannot be read.
@@ -83,12 +83,12 @@ def check_text(path: Path, advice: str) -> None:
 
 
 def seal_values(values: Mapping[str, Any]) -> str:
-    """JSON of plain values, with their checksum beside them."""
+    """Return JSON of plain values, including their checksum."""
     return json.dumps({**values, _KEY: _digest_of(values)}, indent=1, allow_nan=False) + "\n"
 
 
 def open_values(text: str) -> dict[str, Any]:
-    """The values that were sealed, or all of them where there is no checksum.
+    """Return the values that were sealed, or all values if there is no checksum.
 
     Raises:
         DamagedError: the checksum does not fit.
@@ -103,7 +103,7 @@ def open_values(text: str) -> dict[str, Any]:
 
 
 def _digest_of(values: Mapping[str, Any]) -> str:
-    """The checksum of values as JSON has them, however they are laid out and ordered."""
+    """Return the checksum of values in JSON, independent of their layout and order."""
     plain = json.loads(json.dumps(values, allow_nan=False))
     return _digest(json.dumps(plain, sort_keys=True).encode()).decode()
 

@@ -14,9 +14,9 @@ from drlsl.errors import UserError
 
 @contextmanager
 def written_whole(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
-    """Yield a file that replaces `path` at the end; an error on the way leaves what was there.
+    """Yield a file that replaces `path` at the end; after an error the old file is kept.
 
-    `durable`: the new file outlasts a power cut from then on. Its folder has to exist.
+    `durable`: the new file then outlasts a power cut. Its folder must exist.
 
     Raises:
         OSError: the file cannot be written.
@@ -40,7 +40,7 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Replace a file by `content` so that a crash leaves the old file or the new one, never a part.
+    """Replace a file by `content`; after a crash the file is the old one or the new one, never a part.
 
     Raises:
         UserError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""YAML files read strictly, whose errors name the line: values, and where each of them stands."""
+"""YAML files, read strictly, with the position of each value for errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drlsl.errors import UserError
 from drlsl.files.plain_text import read_text
 
 Location: TypeAlias = Sequence[int | str]
-"""A value of a file, by the keys and indexes that lead to it."""
+"""The keys and indexes that lead to a value of a file."""
 
 Position: TypeAlias = tuple[int, int]
 """Line and column, both from 1."""
@@ -22,9 +22,9 @@ Position: TypeAlias = tuple[int, int]
 
 @dataclass(frozen=True)
 class YamlFile:
-    """A parsed YAML mapping: `values`, and the nodes that know where each of them stands.
+    """A parsed YAML mapping: `values`, and the nodes with their positions.
 
-    `name` is what errors call it; `root` is None for a file without anything in it.
+    `name` is its name in errors; `root` is None for an empty file.
     """
 
     name: str
@@ -32,12 +32,12 @@ class YamlFile:
     root: yaml.MappingNode | None
 
     def position(self, location: Location) -> Position | None:
-        """Return where a value stands, or what of its location there is; None where nothing of it is."""
+        """Return the position of a value, or of its nearest enclosing node in the file; None without one."""
         way = list(self._way(location))
         return way[-1][1] if way else None
 
     def line(self, location: Location) -> int:
-        """Return the line of a value, or of what of its location there is."""
+        """Return the line of a value, or of its nearest enclosing node in the file."""
         return (self.position(location) or (1, 1))[0]
 
     def holds(self, location: Location) -> bool:
@@ -49,7 +49,7 @@ class YamlFile:
         return UserError(f"{self.name}:{self.line(location)}: {message}")
 
     def _way(self, location: Location) -> Iterator[tuple[yaml.Node, Position]]:
-        """Yield each node on the way to a value, and where it stands; ends where there is no further one."""
+        """Yield each existing node on the way to a value, and its position."""
         node: yaml.Node | None = self.root
         for part in location:
             found = None if node is None else _below(node, part)
@@ -60,7 +60,7 @@ class YamlFile:
 
 
 def read_yaml(path: Path, what: str = "", example: str = "") -> YamlFile:
-    """Read a file that holds a YAML mapping; `what` says what it should be, `example` what is in such files.
+    """Read a file that holds a YAML mapping; `what` names its kind, `example` its contents in errors.
 
     Raises:
         UserError: it cannot be read, is not YAML, holds a key twice, or is not a mapping.
@@ -69,7 +69,7 @@ def read_yaml(path: Path, what: str = "", example: str = "") -> YamlFile:
 
 
 def parse_yaml(text: str, name: str, example: str = "") -> YamlFile:
-    """Parse a YAML mapping; `name` is what errors call it, `example` what such files hold.
+    """Parse a YAML mapping; `name` is its name, `example` describes its contents in errors.
 
     Raises:
         UserError: it is not YAML, holds a key twice, or is not a mapping.
@@ -96,13 +96,13 @@ def parse_yaml(text: str, name: str, example: str = "") -> YamlFile:
 
 
 def shown(value: object) -> str:
-    """Return a value as errors show it, cut where it is long."""
+    """Return a value as text for errors, shortened if it is long."""
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _below(node: yaml.Node, part: int | str) -> tuple[yaml.Node, yaml.Mark] | None:
-    """The node that a key or an index leads to, and the mark of the key or the item."""
+    """Return the node that a key or an index leads to, and the mark of the key or the item."""
     if isinstance(node, yaml.SequenceNode):
         if isinstance(part, int) and part < len(node.value):
             return node.value[part], node.value[part].start_mark
@@ -116,7 +116,7 @@ def _below(node: yaml.Node, part: int | str) -> tuple[yaml.Node, yaml.Mark] | No
 def _mappings(
     node: yaml.Node | None, path: tuple[str, ...], seen: set[int]
 ) -> Iterator[tuple[yaml.MappingNode, tuple[str, ...]]]:
-    """The mappings below a node, and the keys that lead to them."""
+    """Yield the mappings below a node, and the keys that lead to them."""
     if node is None or id(node) in seen:  # an alias
         return
     seen.add(id(node))
@@ -139,14 +139,14 @@ def _refuse_doubles(name: str, node: yaml.MappingNode, path: tuple[str, ...]) ->
 
 
 _LINE_BREAKS: Final = re.compile("[\x85\u2028\u2029]")
-"""Those beyond ASCII, which PyYAML writes as they are and then reads as other ones."""
+"""Line breaks beyond ASCII, which PyYAML writes unescaped and then reads as other ones."""
 
 
 class _Dumper(yaml.SafeDumper):
     """Escapes `_LINE_BREAKS`."""
 
     def represent_str(self, data: str) -> yaml.ScalarNode:
-        """Text, in double quotes where it must be escaped."""
+        """Return text, in double quotes where it must be escaped."""
         style = '"' if _LINE_BREAKS.search(data) else None
         return self.represent_scalar("tag:yaml.org,2002:str", data, style=style)
 

@@ -20,23 +20,23 @@ from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.sources import Source
 
 LOADER_VERSION = 3
-"""Raise this whenever a loader would read the same files differently, or the layout below changes."""
+"""Version of the cache: raise it whenever a loader reads the same files differently or the layout changes."""
 
 SAMPLE = 1 << 16
 """Bytes at either end of a file that go into its fingerprint, besides its size and time of change."""
 
 SUM = 8
-"""Bytes of the checksum, which stands first."""
+"""Bytes of the checksum, which comes first."""
 
 PIECE = 1 << 24
-"""Bytes that are summed up at once."""
+"""Bytes that are added up at once."""
 
 BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
-"""What reading a damaged cache file raises."""
+"""Exceptions of reading a damaged cache file."""
 
 
 def cache_folder() -> Path:
-    """Where cached recordings lie: DRLSL_CACHE where set, else the platform's folder for caches."""
+    """Return the folder of cached recordings: DRLSL_CACHE if set, else the platform's folder for caches."""
     chosen = os.environ.get("DRLSL_CACHE")
     if chosen:
         return Path(chosen)
@@ -48,17 +48,17 @@ def cache_folder() -> Path:
 
 
 def read_cached(source: Source) -> Recording | None:
-    """The recording as loaded before; None where there is no such copy or the files have changed since.
+    """Return the recording's cached copy; None if there is none or the files have changed since.
 
-    Warns: where the copy is damaged, in which case it counts as absent.
+    Warns: if the copy is damaged; it then counts as absent.
     """
     path = _cache_file(source)
     try:
         with open(path, "rb") as file:
             known = file.read(SUM)
             if known.startswith(np.lib.format.MAGIC_PREFIX):
-                return None  # of a version that kept its checksum elsewhere
-            # Before anything is made of it: what the arrays mean stands in the file too.
+                return None  # from a version that kept its checksum elsewhere
+            # Check before use: the layout of the arrays is read from the same file.
             if known != _checksum(file):
                 raise ValueError("the checksum is wrong")
             file.seek(SUM)
@@ -76,7 +76,7 @@ def read_cached(source: Source) -> Recording | None:
 def write_cached(source: Source, recording: Recording) -> None:
     """Keep a copy for read_cached, whole or not at all: checksum, facts as JSON, each array of Frames.
 
-    Warns: where the cache folder cannot be written; nothing else depends on it.
+    Warns: if the cache folder cannot be written; nothing else depends on it.
     """
     facts = {
         "fingerprint": _fingerprint(source),
@@ -106,7 +106,7 @@ def write_cached(source: Source, recording: Recording) -> None:
 
 
 def _checksum(file: IO[bytes]) -> bytes:
-    """Sum of all words of 64 bits that follow, to notice accidents; CRC-32 would take longer than loading."""
+    """Return the sum of all following words of 64 bits; CRC-32 would take longer than loading."""
     total = 0
     while piece := file.read(PIECE):
         words = np.frombuffer(piece.ljust(-(-len(piece) // SUM) * SUM, b"\0"), dtype="<u8")
@@ -131,14 +131,14 @@ def _recording(facts: dict[str, Any], arrays: dict[str, Any]) -> Recording:
 
 
 def _cache_file(source: Source) -> Path:
-    """One file for each source, wherever it lies, so that a changed source replaces its old copy."""
+    """Return the one file of a source, wherever it is, so that a changed source replaces its old copy."""
     where = "\n".join([source.name, source.part or "", *(str(path.resolve()) for path in source.files)])
     readable = re.sub(r"[^\w.-]+", "-", source.name)[:60]
     return cache_folder() / f"{readable}-{hashlib.sha256(where.encode()).hexdigest()[:16]}.npy"
 
 
 def _fingerprint(source: Source) -> str:
-    """Changes when the files or the loader do."""
+    """Return a digest that changes when the files or the loader do."""
     digest = hashlib.sha256(f"{LOADER_VERSION}".encode())
     for path in source.files:
         with open(path, "rb") as file:

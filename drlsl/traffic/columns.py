@@ -17,7 +17,7 @@ from drlsl.traffic.recording import Floats, Mask
 
 
 class Kind(Enum):
-    """What the cells of a column must hold; the value says so in an error."""
+    """The type of a column's cells; the value describes it in an error."""
 
     NUMBER = "a finite number"
     POSITIVE = "a number above 0"
@@ -25,7 +25,7 @@ class Kind(Enum):
     TEXT = "text"
 
     def holds(self, values: Floats) -> Mask:
-        """Which of the values are of this kind."""
+        """Return which of the values are of this kind."""
         held: Mask = np.isfinite(values)
         if self is Kind.POSITIVE:
             held &= values > 0
@@ -36,7 +36,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How a file is laid out: commas under a line of names; or, given `names`, words and no such line."""
+    """The layout of a file: commas below a line of names or, given `names`, words without such a line."""
 
     names: tuple[str, ...] | None = None
 
@@ -45,7 +45,7 @@ COMMAS = Layout()
 
 
 def read_header(path: Path) -> tuple[str, ...]:
-    """The names in the first line of a comma-separated file.
+    """Return the names in the first line of a comma-separated file.
 
     Raises:
         UserError: the file cannot be read or is empty.
@@ -56,7 +56,7 @@ def read_header(path: Path) -> tuple[str, ...]:
 
 
 def find_columns(path: Path, header: Sequence[str], wanted: Sequence[str]) -> dict[str, str]:
-    """Wanted name -> name in the file, whatever the case.
+    """Return wanted name -> name in the file, ignoring case.
 
     Raises:
         UserError: columns are missing; the message lists them.
@@ -70,16 +70,17 @@ def find_columns(path: Path, header: Sequence[str], wanted: Sequence[str]) -> di
 
 
 def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS) -> pd.DataFrame:
-    """The wanted columns, in float64, or as text where so wanted, under the names given here.
+    """Return the wanted columns, in float64, or as text where so wanted, under the names given here.
 
     Raises:
-        UserError: the file is unreadable, lacks a column, or has a cell that is not of the kind wanted; the
-            message names the line and column of the first.
+        UserError: the file is unreadable, lacks a column, or has a cell of another kind; the message names
+        the
+            line and column of the first.
     """
     header = layout.names or read_header(path)
     columns = find_columns(path, header, tuple(wanted))
     types = {columns[name]: "str" if kind is Kind.TEXT else "float64" for name, kind in wanted.items()}
-    # A line cut short lacks its last cell, which nobody else may want.
+    # A truncated line lacks its last cell, so that column must be read, too.
     types.setdefault(header[-1], "str")
     try:
         frame = pd.read_csv(
@@ -108,7 +109,7 @@ def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS
 
 
 def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of every line that is not blank."""
+    """Yield line number and cells of every line that is not blank."""
     try:
         with open_text(path) as file:
             if layout.names is None:
@@ -121,7 +122,7 @@ def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
 
 
 def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> UserError | None:
-    """The error for the first line at fault, found by a slow second reading; None where no line is."""
+    """Return the error for the first faulty line, found by a slow second reading; None if there is none."""
     lines = _lines(path, layout)
     header = layout.names or [cell.strip() for cell in next(lines)[1]]
     places = {
@@ -140,7 +141,7 @@ def _first_fault(path: Path, wanted: Mapping[str, Kind], layout: Layout) -> User
 
 
 def _number(cell: str) -> float:
-    """The number in a cell, NaN where there is none."""
+    """Return the number in a cell, NaN if it holds none."""
     try:
         return float(cell.replace(",", ""))
     except ValueError:

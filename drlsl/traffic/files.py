@@ -11,10 +11,10 @@ from typing import IO
 from drlsl.errors import UserError
 
 UNREADABLE = (OSError, EOFError, UnicodeDecodeError, lzma.LZMAError, zlib.error)
-"""What opening, decompressing or decoding a broken file raises."""
+"""Exceptions of opening, decompressing or decoding a broken file."""
 
 ENCODING = "utf-8-sig"
-"""UTF-8, with or without the mark that some tools put first."""
+"""UTF-8, with or without a byte order mark."""
 
 
 def open_text(path: Path) -> IO[str]:
@@ -27,5 +27,5 @@ def open_text(path: Path) -> IO[str]:
 
 
 def unreadable(path: Path, error: BaseException) -> UserError:
-    """The error for a file that cannot be opened, decompressed or decoded."""
+    """Return the error for a file that cannot be opened, decompressed or decoded."""
     return UserError(f"{path}: cannot be read: {error or type(error).__name__}")

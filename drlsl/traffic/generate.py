@@ -37,7 +37,7 @@ STRETCH = 420.0
 """Length of the recorded stretch of road [m], as in highD."""
 
 MARGIN = 50.0
-"""Road simulated and then cut off at both ends of the stretch, for the smoothing and the differences [m]."""
+"""Length of road simulated beyond both ends of the stretch, for smoothing and differences [m]."""
 
 SMOOTHING = 0.4
 """Standard deviation of the Gaussian that smooths the lateral motion [s].
@@ -72,13 +72,13 @@ class Normal:
     high: float
 
     def draw(self, random: np.random.Generator) -> float:
-        """One value; draws beyond an end land on it."""
+        """Return one value; draws beyond an end land on it."""
         return float(np.clip(random.normal(self.mean, self.deviation), self.low, self.high))
 
 
 @dataclass(frozen=True, slots=True)
 class Drivers:
-    """What drivers of one class want [m/s, s, m/s²] and what they drive [m]."""
+    """Wishes of the drivers of one class [m/s, s, m/s²] and sizes of their vehicles [m]."""
 
     speed: Normal
     headway: Normal
@@ -97,7 +97,7 @@ CARS = Drivers(
     width=Normal(1.87, 0.1, 1.6, 2.2),
 )
 LATERAL_OFFSET = Normal(0.0, 0.15, -0.4, 0.4)
-"""Where a driver likes to drive, to the left of the lane's centre [m]."""
+"""Preferred offset of a driver to the left of the lane's centre [m]."""
 
 TRUCKS = Drivers(
     speed=Normal(24.0, 0.8, 22.2, 26.0),
@@ -114,10 +114,10 @@ class Preset:
     """A kind of road and traffic.
 
     `flow` [vehicles/h] is the demand of one direction; `run_up` [m] and `run_out` [m] are simulated before
-    and behind the recorded stretch, for `warm_up` [s] before the recording starts. Where `bottleneck` [m/s]
-    is given, it is the speed limit behind the stretch, and holds up the traffic in it. `eagerness` is SUMO's
-    weight of a gain in speed in changing lanes, 1 by default. `speed_limit` [m/s] is what the recording
-    states, None for no limit.
+    and behind the recorded stretch, for `warm_up` [s] before the recording starts. `bottleneck` [m/s], if
+    given, is the speed limit behind the stretch, which congests the traffic in it. `eagerness` is SUMO's
+    weight of a gain in speed in changing lanes, 1 by default. `speed_limit` [m/s] is the one that the
+    recording states, None for no limit.
     """
 
     directions: tuple[Direction, ...]
@@ -187,7 +187,7 @@ PRESETS: Mapping[str, Preset] = {
         bottleneck=8.0,
     ),
 }
-"""What `drlsl data generate --preset` offers; the bundled recordings are made with their defaults.
+"""Presets of `drlsl data generate`; the bundled recordings are made with their defaults.
 
 Flow and truck share of the highway are those of a busy highD recording, 1,700 vehicles in ten minutes. The
 freeway resembles US-101 in the rush hour: five lanes of 12 ft, 65 mph, traffic held up downstream.
@@ -195,7 +195,7 @@ freeway resembles US-101 in the rush hour: five lanes of 12 ft, 65 mph, traffic 
 
 
 def find_preset(name: str) -> Preset:
-    """The preset of this name.
+    """Return the preset of this name.
 
     Raises:
         UserError: there is none.
@@ -209,7 +209,7 @@ def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
     """Simulate a road and record the stretch in its middle.
 
     The same preset, seed, minutes and version of SUMO give the same rows. A vehicle is recorded while its box
-    lies wholly within the stretch. Velocities are differences of successive positions.
+    is wholly within the stretch. Velocities are differences of successive positions.
 
     Raises:
         UserError: SUMO is not installed or the minutes are out of range.
@@ -227,7 +227,7 @@ def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
 
 
 def _sumo() -> tuple[ModuleType, Path]:
-    """The module libsumo and the path of netconvert.
+    """Return the module libsumo and the path of netconvert.
 
     Raises:
         UserError: the extra is not installed.
@@ -244,7 +244,7 @@ def _sumo() -> tuple[ModuleType, Path]:
 
 
 def _write_network(folder: Path, preset: Preset, netconvert: Path) -> Path:
-    """One straight road per direction, all driven towards +x; `_as_tracks` turns them into the picture."""
+    """Write one straight road per direction, all towards +x, unlike in the picture; return the file."""
     end = preset.run_up + STRETCH + MARGIN
     nodes, edges = [], []
     for number, direction in enumerate(preset.directions):
@@ -278,7 +278,7 @@ def _write_network(folder: Path, preset: Preset, netconvert: Path) -> Path:
 
 
 def _write_routes(path: Path, preset: Preset, random: np.random.Generator, seconds: float) -> frozenset[int]:
-    """Every vehicle with its own driver, by time of departure; the ids of the trucks."""
+    """Write every vehicle with its own driver, by time of departure; return the ids of the trucks."""
     departures = sorted(
         (time, number, direction)
         for number, direction in enumerate(preset.directions)
@@ -301,7 +301,7 @@ def _write_routes(path: Path, preset: Preset, random: np.random.Generator, secon
 
 
 def _arrivals(flow: float, random: np.random.Generator, seconds: float) -> list[float]:
-    """Departure times of a Poisson process."""
+    """Return the departure times of a Poisson process."""
     gaps = random.exponential(3600 / flow, size=int(seconds * flow / 3600 * 1.5) + 50)
     times = np.cumsum(gaps)
     return [float(time) for time in times[times < seconds]]
@@ -329,7 +329,7 @@ def _vehicle_type(name: str, preset: Preset, truck: bool, random: np.random.Gene
 def _drive(
     libsumo: ModuleType, preset: Preset, network: Path, routes: Path, *, seed: int, minutes: float
 ) -> list[tuple[float, ...]]:
-    """Rows (frame, direction, vehicle, front, side, length, width), front and side [m] as the driver sees it.
+    """Return rows (frame, direction, vehicle, front, side, length, width), in the driver's view [m].
 
     `front` is the distance of the front bumper from the start of the stretch, `side` that of the centre line
     from the left edge of the carriageway. A little more than the stretch is kept, for the velocities at its
@@ -353,7 +353,7 @@ def _drive(
 
 
 def _seen(vehicles: Any, preset: Preset, frame: int) -> Iterator[tuple[float, ...]]:
-    """The rows of one frame."""
+    """Yield the rows of one frame."""
     for vehicle in vehicles.getIDList():
         road, _, part = vehicles.getRoadID(vehicle).rpartition("_")
         front = vehicles.getLanePosition(vehicle) - preset.run_up
@@ -366,7 +366,7 @@ def _seen(vehicles: Any, preset: Preset, frame: int) -> Iterator[tuple[float, ..
 
 
 def _as_tracks(rows: list[tuple[float, ...]], preset: Preset, trucks: frozenset[int]) -> HighdContent:
-    """Rows in the picture's coordinates, vehicles numbered from 1 by appearance, within the stretch only."""
+    """Return tracks in the picture's coordinates, within the stretch, vehicles numbered by appearance."""
     table = np.array(rows)
     table = table[np.lexsort((table[:, 0], table[:, 2]))]
     frame, number, vehicle, front, side, length, width = table.T
@@ -400,7 +400,7 @@ def _as_tracks(rows: list[tuple[float, ...]], preset: Preset, trucks: frozenset[
 
 
 def _smoothed(values: Floats, vehicle: Floats, deviation: float) -> Floats:
-    """Each vehicle's values, sorted by frame, under a Gaussian of this many frames."""
+    """Return each vehicle's values, sorted by frame, smoothed by a Gaussian of `deviation` frames."""
     reach = int(np.ceil(3 * deviation))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
     borders = np.flatnonzero(np.diff(vehicle)) + 1
@@ -409,7 +409,7 @@ def _smoothed(values: Floats, vehicle: Floats, deviation: float) -> Floats:
 
 
 def _differences(values: Floats, vehicle: Floats) -> Floats:
-    """Change since the vehicle's frame before; NaN in its first."""
+    """Return the change since the vehicle's previous frame; NaN in its first."""
     change = np.full(values.shape, np.nan)
     change[1:] = np.where(np.diff(vehicle) == 0, np.diff(values), np.nan)
     return change

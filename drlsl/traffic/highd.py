@@ -21,7 +21,7 @@ from drlsl.traffic.sources import Source
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, without_duplicates
 
 UNLIMITED_SPEED = 130 / 3.6
-"""Speed limit [m/s] taken where highD says -1, none: the advisory speed of the German Autobahn.
+"""Speed limit [m/s] where highD's is -1 (none): the advisory speed of the German Autobahn.
 
 Source: Autobahn-Richtgeschwindigkeits-V, section 1.
 """
@@ -48,9 +48,9 @@ META_COLUMNS = {
 def load_highd(source: Source) -> Recording:
     """Load one recording in highD layout.
 
-    The box's top-left corner and sizes become centres, `width` in the files is the length along the road.
-    Lanes come from the markings, the lane of each row from its centre. The recorded stretch runs from the
-    rearmost to the foremost box.
+    The box's top-left corner and sizes become centres; `width` in the files is the length along the road.
+    Lanes are derived from the markings, the lane of each row from its centre. The recorded stretch runs from
+    the rearmost to the foremost box.
 
     Raises:
         UserError: a file is unreadable or inconsistent.
@@ -127,7 +127,7 @@ def _read_meta(path: Path) -> tuple[float, tuple[Lane, ...]]:
 
 
 def _markings(path: Path, column: str, text: object) -> list[float]:
-    """The y of the lane markings, top first; empty where the road has no such side."""
+    """Return the y of the lane markings, top first; empty if the road has no such side."""
     if pd.isna(text):  # type: ignore[call-overload]  # a cell is any scalar
         return []
     try:
@@ -142,7 +142,7 @@ def _markings(path: Path, column: str, text: object) -> list[float]:
 
 
 def _lanes(upper: Sequence[float], lower: Sequence[float], limit: float) -> tuple[Lane, ...]:
-    """Lanes between neighbouring markings, counted from the top; the upper side runs right to left."""
+    """Return lanes between neighbouring markings, counted from the top; the upper side runs right to left."""
     strips = [(pair, Direction.RIGHT_TO_LEFT) for pair in pairwise(upper)]
     strips += [(pair, Direction.LEFT_TO_RIGHT) for pair in pairwise(lower)]
     return tuple(
@@ -152,7 +152,7 @@ def _lanes(upper: Sequence[float], lower: Sequence[float], limit: float) -> tupl
 
 
 def _notes(tracks: Tracks, lane: np.ndarray, lanes: Sequence[Lane]) -> tuple[str, ...]:
-    """What a reader of the figures should know about rows that do not fit the road."""
+    """Return notes on rows that do not fit the road."""
     notes = []
     off = int((lane == 0).sum())
     if off:

@@ -26,11 +26,11 @@ RECORDING_FILE = re.compile(r"\d+_(tracks|tracksMeta|recordingMeta)\.csv(\.gz|\.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HighdContent:
-    """Everything that goes into the three files of one recording.
+    """All contents of the three files of one recording.
 
     `tracks` are sorted by vehicle and frame, frames count from 0, each vehicle has one unbroken track; `ax`
-    and `ay` [m/s²] have one value a row. Markings are y values [m], top first, empty for a direction the road
-    has not; `speed_limit` [m/s] is None where there is none.
+    and `ay` [m/s²] have one value a row. Markings are y values [m], top first, empty for a direction without
+    lanes; `speed_limit` [m/s] is None for no limit.
     """
 
     tracks: Tracks
@@ -44,7 +44,7 @@ class HighdContent:
 
 
 def check_folder(folder: Path, *, force: bool) -> None:
-    """Whether a recording may be written there, asked before the work of making it.
+    """Check that a recording may be written there, before the work of making it.
 
     Raises:
         UserError: the folder exists and `force` is not given, or it holds anything but a recording, which
@@ -58,13 +58,13 @@ def check_folder(folder: Path, *, force: bool) -> None:
         raise UserError(f"{folder}: exists already; choose another folder or add --force to replace it")
     others = sorted(path.name for path in folder.iterdir() if not RECORDING_FILE.fullmatch(path.name))
     if others:
-        raise UserError(f"{folder}: --force replaces only recordings, and {others[0]} is no part of one")
+        raise UserError(f"{folder}: --force replaces only recordings, and {others[0]} is not part of one")
 
 
 def write_highd(
     content: HighdContent, folder: Path, part: str = "01", *, force: bool = False, compress: bool = False
 ) -> Path:
-    """Write a folder with one recording, all of it or nothing; files end in .csv, or .csv.xz with `compress`.
+    """Write a folder with one recording, whole or not at all; files end in .csv, or .csv.xz with `compress`.
 
     Raises:
         UserError: the folder exists and `force` is not given, or cannot be written.
@@ -94,7 +94,7 @@ def write_highd(
 
 
 def _swap(fresh: Path, folder: Path, *, aside: Path) -> None:
-    """Put the fresh folder in place of the old one, if any; where that fails, the old one is back."""
+    """Put the fresh folder in place of the old one, if any; if that fails, restore the old one."""
     existed = folder.exists()
     if existed:
         folder.rename(aside)
@@ -185,5 +185,5 @@ def _meta_table(content: HighdContent, part: str) -> pd.DataFrame:
 
 
 def _rounded(values: Floats) -> Floats:
-    """Two decimals, as in highD, and no minus before a zero."""
+    """Return two decimals, as in highD, and no minus before a zero."""
     return np.round(values, 2) + 0.0

@@ -1,4 +1,4 @@
-"""One way in: load a recording by path or by the name of a bundled one."""
+"""Load a recording by path or by the name of a bundled one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def load_recording(path: str | Path, *, cache: bool = True) -> Recording:
     until the files change.
 
     Raises:
-        UserError: nothing is found there, or what is found is wrong; the message names file, line and column.
+        UserError: there is no recording, or it is faulty; the message names file, line and column.
     """
     source = find_source(path)
     recording = read_cached(source) if cache else None
@@ -33,8 +33,8 @@ def load_recording(path: str | Path, *, cache: bool = True) -> Recording:
 
 
 def _parse(source: Source) -> Recording:
-    """Read the files themselves."""
-    # pandas, which only the readers need, takes longer to import than a cached recording to load.
+    """Read the source files."""
+    # pandas, which only the readers need, takes longer to import than a cached recording takes to load.
     if source.format is Format.HIGHD:
         from drlsl.traffic.highd import load_highd
 

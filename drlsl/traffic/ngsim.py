@@ -34,20 +34,20 @@ Source: California Vehicle Code, section 22349(a).
 """
 
 WINDOW = 11
-"""Frames, 1.1 s, under the straight lines whose slopes are the velocities derived from positions.
+"""Frames (1.1 s) of the straight lines whose slopes are the velocities derived from positions.
 
 Positions jitter by decimetres between frames, which read as 1 m/s sideways; a lane change takes several
 seconds.
 """
 
 SPEED_TOLERANCE = 2.0
-"""Root mean square difference [m/s] between v_Vel and the positions at which the positions are believed."""
+"""Root mean square difference [m/s] between v_Vel and the positions above which the positions are used."""
 
 NEW_PERIOD = 60_000
-"""Jump in the time of frame 0 [ms] that tells two recording periods in one table apart."""
+"""Jump in the time of frame 0 [ms] that separates two recording periods in one table."""
 
 FREEWAYS = ("us-101", "i-80")
-"""The sites that are freeways; the others are city streets with crossings, and no straight road."""
+"""The sites that are freeways; the others are city streets with crossings."""
 
 CLASSES: Mapping[int, VehicleClass] = {
     1: VehicleClass.MOTORCYCLE,
@@ -94,7 +94,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Estimated:
-    """Velocities [m/s] and how many vehicles' recorded speeds were set aside."""
+    """Velocities [m/s] and the number of vehicles whose recorded speeds were discarded."""
 
     vx: Floats
     vy: Floats
@@ -145,10 +145,10 @@ def _read(path: Path, layout: Layout) -> pd.DataFrame:
 
 
 def ngsim_parts(path: Path, table: pd.DataFrame) -> npt.NDArray[np.str_]:
-    """The part each row belongs to: its site, and `/2` for a second recording period there, and so on.
+    """Return the part of each row: its site, and `/2` for a second recording period there, and so on.
 
     The portal's table holds several sites, and periods of 15 minutes that count frames and vehicles anew; the
-    time of frame 0 tells them apart.
+    time of frame 0 distinguishes them.
     """
     sites = (
         table["Location"].str.strip().str.lower() if "Location" in table else pd.Series("", index=table.index)
@@ -171,7 +171,7 @@ def ngsim_parts(path: Path, table: pd.DataFrame) -> npt.NDArray[np.str_]:
 def _choose_part(
     path: Path, table: pd.DataFrame, part: str | None
 ) -> tuple[pd.DataFrame, tuple[Dropped, ...]]:
-    """The rows of one part, and those of them that no vehicle can have."""
+    """Return the rows of one part without impossible vehicles, and the dropped ones."""
     parts = ngsim_parts(path, table)
     present = np.unique(parts)
     if part is None and len(present) > 1:
@@ -181,7 +181,7 @@ def _choose_part(
     chosen = present[0] if part is None else part
     site = chosen.split("/")[0]
     if site and site not in FREEWAYS:
-        raise UserError(f"{path}: {site} is no freeway; the sites supported are {', '.join(FREEWAYS)}")
+        raise UserError(f"{path}: {site} is not a freeway; the supported sites are {', '.join(FREEWAYS)}")
     table = table[parts == chosen]
     sized = (table["v_length"] > 0) & (table["v_Width"] > 0)
     if not sized.any():
@@ -191,7 +191,7 @@ def _choose_part(
 
 
 def _tracks(table: pd.DataFrame) -> Tracks:
-    """SI units and vehicle centres; vy is not in the table and 0 for now."""
+    """Return tracks in SI units by vehicle centres; vy is not in the table and 0 for now."""
     column = {name: table[name].to_numpy(dtype=np.float64) for name in COLUMNS}
     frame = column["Frame_ID"].astype(np.int64)
     length = column["v_length"] * FOOT
@@ -208,10 +208,10 @@ def _tracks(table: pd.DataFrame) -> Tracks:
 
 
 def _velocities(tracks: Tracks) -> Estimated:
-    """vx from v_Vel where the positions bear it out, else from positions; vy from positions.
+    """Return vx from v_Vel if the positions confirm it, else from positions, and vy from positions.
 
     v_Vel is smoother than differences of positions. In a track where the two differ by more than
-    SPEED_TOLERANCE, the positions win, so that a vehicle moves as its velocity says.
+    SPEED_TOLERANCE, the positions take precedence, so that each vehicle moves with its velocity.
     """
     starts = segment_starts(tracks)
     moved_x, moved_y = (slopes(values, starts) * FRAME_RATE for values in (tracks.x, tracks.y))
@@ -225,9 +225,10 @@ def _velocities(tracks: Tracks) -> Estimated:
 
 
 def slopes(values: Floats, starts: npt.NDArray[np.int64]) -> Floats:
-    """Slope per row of the least squares line through the rows around it, at most WINDOW, within its segment.
+    """Return the slope of the least squares line through the rows around each row, within its segment.
 
-    Segments begin at `starts`. At their ends the window is cut off there; a segment of one row has slope 0.
+    Segments begin at `starts`. The window has at most WINDOW rows and is cut off at the ends of segments; a
+    segment of one row has slope 0.
     """
     ends = np.append(starts[1:], len(values))
     result = np.zeros(len(values))
@@ -248,7 +249,7 @@ def slopes(values: Floats, starts: npt.NDArray[np.int64]) -> Floats:
 
 
 def _classes(path: Path, tracks: Tracks, codes: npt.NDArray[np.int64]) -> dict[int, VehicleClass]:
-    """Each vehicle's most frequent class."""
+    """Return each vehicle's most frequent class."""
     unknown = np.setdiff1d(codes, list(CLASSES))
     if len(unknown):
         raise UserError(f"{path}: v_Class {unknown[0]}: expected 1 (motorcycle), 2 (car) or 3 (truck)")
@@ -266,7 +267,7 @@ def _notes(tracks: Tracks, bend: float, speeds: Estimated) -> tuple[str, ...]:
     gaps = len(starts) - len(np.unique(tracks.vehicle))
     notes = [f"road straightened: its axis wanders by {bend:.1f} m from side to side"]
     if gaps:
-        notes.append(f"{gaps} gaps in tracks; a vehicle that comes back counts as a new appearance")
+        notes.append(f"{gaps} gaps in tracks; a vehicle that reappears counts as a new appearance")
     if speeds.disbelieved:
-        notes.append(f"{speeds.disbelieved} vehicles' vx from positions, which v_Vel contradicts")
+        notes.append(f"{speeds.disbelieved} vehicles' vx from positions, which contradict v_Vel")
     return tuple(notes)

@@ -1,8 +1,8 @@
-"""Where the road of an NGSIM table runs, told from the vehicles: its bend and its lanes.
+"""Estimate the road of an NGSIM table, its bend and its lanes, from the vehicles.
 
 NGSIM measures the lateral position from the left edge of a road that bends by up to a lane's width along the
-section, and its lane ids flicker. Here the bend that all lanes share is fitted and taken out, and the lanes
-are strips around where the vehicles of each lane id drive.
+section, and its lane ids flicker. Here the bend that all lanes share is fitted and removed, and the lanes
+are strips around the tracks of the vehicles of each lane id.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.tracks import Tracks
 
 CELL = 10.0
-"""Length of the pieces [m] in which lateral positions are summed up."""
+"""Length of the cells [m] in which lateral positions are combined."""
 
 SPAN = 0.8
 """Share of the section a lane must span to be one of the road's; auxiliary lanes and ramps span less."""
@@ -29,14 +29,14 @@ STIFFNESS = 3.0
 """Weight of the axis' second differences against one vehicle's position, 1/m each."""
 
 USUAL_WIDTH = 3.66
-"""Lane width [m] where only one lane is driven on: 12 ft, that of US freeways."""
+"""Lane width [m] if only one lane is driven on: 12 ft, that of US freeways."""
 
 LEAST_WIDTH = 2.0
-"""Closer than this [m], two lane ids are not two lanes."""
+"""Least distance [m] of two lanes; two lane ids that are closer are an error."""
 
 
 def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats, float]:
-    """Lateral positions from the road's axis, and how far the axis wanders from side to side [m].
+    """Return lateral positions from the road's axis, and the axis' range from side to side [m].
 
     Each lane's median position per cell is its offset plus the axis; both are fitted by least squares with a
     penalty on the axis' second differences. The axis is 0 on average, so that positions stay near the
@@ -64,9 +64,9 @@ def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats,
 
 
 def _passages(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> pd.DataFrame:
-    """One row for each passage of a vehicle through a cell of a main lane: lane, cell, and median y.
+    """Return one row for each passage of a vehicle through a cell of a main lane: lane, cell, and median y.
 
-    The lane is the one most rows name, so that ids that flicker have no say, and slow vehicles no more than
+    The lane is that of most rows, so that flickering ids have no effect and slow vehicles no more weight than
     others.
     """
     cell = np.floor(tracks.x / CELL).astype(np.int64)
@@ -78,7 +78,7 @@ def _passages(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> pd.DataFrame:
 
 
 def _main_lanes(passages: pd.DataFrame) -> list[int]:
-    """Lane ids that span the section, and those that lie between two such, by position from the left."""
+    """Return lane ids that span the section, and those between two such, by position from the left."""
     lanes = passages.groupby("lane").agg(span=("cell", "nunique"), y=("y", "median")).sort_values("y")
     spans = np.flatnonzero(lanes["span"] >= SPAN * lanes["span"].max())
     return [int(lane) for lane in lanes.index[spans[0] : spans[-1] + 1]]
@@ -87,10 +87,10 @@ def _main_lanes(passages: pd.DataFrame) -> list[int]:
 def fit_lanes(
     path: Path, tracks: Tracks, lane_ids: npt.NDArray[np.int64], speed_limit: float
 ) -> tuple[Lane, ...]:
-    """The main lanes, strips that touch; borders lie midway between the medians of neighbours.
+    """Return the main lanes, strips that touch; borders are midway between the medians of neighbours.
 
     Raises:
-        UserError: two lanes lie too close to be two.
+        UserError: two lanes are too close together.
     """
     medians = _passages(tracks, lane_ids).groupby("lane")["y"].median().sort_values()
     centres = medians.to_numpy(dtype=np.float64)

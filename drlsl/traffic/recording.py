@@ -1,4 +1,4 @@
-"""What a recording of traffic is: lanes, and every vehicle's box and velocity in every frame, in SI units."""
+"""The format of recordings: lanes, and every vehicle's box and velocity in every frame, in SI units."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NO_VEHICLE = -1
 """`Frames.vehicle` and `Frames.first` of an empty slot."""
 
 OFF_LANE = 0
-"""`Frames.lane` of a vehicle whose centre lies in none of the recording's lanes: ramp, shoulder, median."""
+"""`Frames.lane` of a vehicle whose centre is in none of the recording's lanes: ramp, shoulder, median."""
 
 
 EMPTY_SLOT: Mapping[str, float] = MappingProxyType(
@@ -37,11 +37,11 @@ EMPTY_SLOT: Mapping[str, float] = MappingProxyType(
         "valid": False,
     }
 )
-"""What each array of Frames holds where there is no vehicle."""
+"""Value of each array of Frames in an empty slot."""
 
 
 class VehicleClass(Enum):
-    """What kind of road user a vehicle is."""
+    """The class of a road user."""
 
     CAR = "car"
     TRUCK = "truck"
@@ -50,7 +50,7 @@ class VehicleClass(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """Rows of the source that are not in the recording, and why."""
+    """Rows of the source that are not in the recording, and the reason."""
 
     reason: str
     rows: int
@@ -62,11 +62,11 @@ class Frames:
 
     A vehicle keeps its slot (column) for as long as it is seen without a gap, so `x[t, k] - x[t - 1, k]` is a
     step of one vehicle wherever `first[t, k] < t`. Empty slots hold EMPTY_SLOT, NaN in the floats, so that a
-    forgotten mask shows.
+    forgotten mask is noticed.
     """
 
     vehicle: Ids
-    """Vehicle id, >= 0; NO_VEHICLE where the slot is empty."""
+    """Vehicle id, >= 0; NO_VEHICLE in an empty slot."""
     lane: LaneIds
     """Id of the lane whose strip holds the vehicle's centre; OFF_LANE where none does."""
     x: Floats
@@ -84,7 +84,7 @@ class Frames:
     first: Ids
     """Index of the frame in which this unbroken stretch of the vehicle's track began."""
     valid: Mask
-    """Whether the slot holds a vehicle."""
+    """True if the slot holds a vehicle."""
 
     def __post_init__(self) -> None:
         for name, array in self.arrays():
@@ -93,7 +93,7 @@ class Frames:
             object.__setattr__(self, name, view)
 
     def arrays(self) -> Iterator[tuple[str, npt.NDArray[np.generic]]]:
-        """Every array with its field name."""
+        """Yield every array with its field name."""
         for item in fields(self):
             yield item.name, getattr(self, item.name)
 
@@ -104,8 +104,8 @@ class Recording:
 
     Coordinates: x along the road to the right, y across it and downward; boxes are axis-aligned and given by
     their centre. Frame i is at i / frame_rate seconds. `[x_min, x_max]` [m] is the recorded stretch, `lanes`
-    are sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped` tells which rows of the
-    source are missing here and `notes` what was estimated or corrected, in sentences for people.
+    are sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped` lists the rows of the
+    source that are missing, and `notes` all estimates and corrections, in sentences for people.
     """
 
     name: str
@@ -145,11 +145,11 @@ class Recording:
         return tuple(direction for direction in Direction if direction in present)
 
     def lanes_of(self, direction: Direction) -> tuple[Lane, ...]:
-        """The lanes of one direction, sorted by id; empty where the road has none."""
+        """Return the lanes of one direction, sorted by id; empty if the road has none."""
         return tuple(lane for lane in self.lanes if lane.direction is direction)
 
     def lane(self, lane_id: int) -> Lane:
-        """The lane with this id.
+        """Return the lane with this id.
 
         Raises:
             UserError: the recording has no such lane.
@@ -159,7 +159,7 @@ class Recording:
         return self.lanes[lane_id - 1]
 
     def frame(self, index: int) -> Frames:
-        """The vehicles present in one frame, arrays of shape (n,).
+        """Return the vehicles present in one frame, arrays of shape (n,).
 
         Raises:
             IndexError: index is not in 0 … frame_count - 1.
@@ -170,17 +170,17 @@ class Recording:
         return Frames(*(array[index][present] for _, array in self.frames.arrays()))
 
     def validate(self) -> None:
-        """Check every promise made above.
+        """Check every invariant documented above.
 
         Raises:
-            UserError: a promise is broken; the message names the recording and the first.
+            UserError: an invariant is violated; the message names the recording and the first one.
         """
         for problem in _problems(self):
             raise UserError(f"{self.name}: {problem}")
 
 
 def _problems(recording: Recording) -> Iterator[str]:
-    """What is wrong with a recording, cheapest checks first; later checks rely on earlier ones."""
+    """Yield the problems of a recording, cheapest checks first; later checks rely on earlier ones."""
     if not (np.isfinite(recording.frame_rate) and recording.frame_rate > 0):
         yield f"frame rate {recording.frame_rate} is not a positive number"
     if not (np.isfinite([recording.x_min, recording.x_max]).all() and recording.x_min < recording.x_max):
@@ -238,7 +238,7 @@ def _slot_problems(recording: Recording) -> Iterator[str]:
 
 
 def _expected_first(vehicle: Ids) -> Ids:
-    """The start of each unbroken stretch, read off the slots alone. Shape (F, K)."""
+    """Return the start of each unbroken stretch, derived from the slots alone. Shape (F, K)."""
     count, capacity = vehicle.shape
     same = np.zeros((count, capacity), dtype=np.bool_)
     same[1:] = vehicle[1:] == vehicle[:-1]

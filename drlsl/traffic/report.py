@@ -1,4 +1,4 @@
-"""Figures that tell whether a recording is what one takes it for."""
+"""Figures for checking whether a recording is plausible."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ ENTRANCE = 15.0
 """A vehicle first seen with its rear more than this [m] into the stretch has appeared mid-road."""
 
 STANDSTILL = 0.1
-"""Below this speed [m/s] a time headway says nothing."""
+"""Speed [m/s] below which time headways are not measured."""
 
 FRAMES_AT_ONCE = 256
-"""Frames compared in one go in the search for overlaps, which needs memory for every pair of vehicles."""
+"""Frames compared at once in the search for overlaps, which needs memory for every pair of vehicles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Spread:
 
 @dataclass(frozen=True, slots=True)
 class LaneReport:
-    """One lane and its traffic; a Spread is None where there was nothing to measure."""
+    """One lane and its traffic; a Spread is None if there was nothing to measure."""
 
     id: int
     direction: str
@@ -49,7 +49,7 @@ class LaneReport:
 
 @dataclass(frozen=True, slots=True)
 class RecordingReport:
-    """A recording in figures.
+    """The figures of a recording.
 
     Speeds count along the lane's direction; gaps run from bumper to bumper, time headways from front to
     front, both to the leader in the same lane. `overlaps` counts pairs of boxes that overlap, once a frame.
@@ -90,7 +90,7 @@ class _Followers:
 
 
 def recording_report(recording: Recording) -> RecordingReport:
-    """Measure a recording. See RecordingReport."""
+    """Measure a recording; see RecordingReport."""
     frames, valid = recording.frames, recording.frames.valid
     pairs = _followers(recording)
     kinds = list(recording.vehicle_class.values())
@@ -131,7 +131,7 @@ def _spread(values: Floats) -> Spread | None:
 
 
 def _signs(recording: Recording) -> npt.NDArray[np.int64]:
-    """Direction of travel per slot, the lane's, or off the lanes the velocity's; +1 or -1, shape (F, K)."""
+    """Return the direction of travel per slot, the lane's or, off the lanes, the velocity's; shape (F, K)."""
     of_lane = np.array([0, *(lane.direction.sign for lane in recording.lanes)])[recording.frames.lane]
     moving = np.where(recording.frames.vx < 0, -1, 1)
     return np.where(of_lane == 0, moving, of_lane)
@@ -179,7 +179,7 @@ def _lanes(recording: Recording, pairs: _Followers) -> tuple[LaneReport, ...]:
 
 
 def _lane_changes(frames: Frames) -> int:
-    """Steps of one vehicle from one lane into another."""
+    """Return the number of steps of one vehicle from one lane into another."""
     index = np.arange(1, frames.first.shape[0])[:, None]
     same = frames.valid[1:] & (frames.first[1:] < index)
     before, after = frames.lane[:-1], frames.lane[1:]
@@ -187,7 +187,7 @@ def _lane_changes(frames: Frames) -> int:
 
 
 def _appearances(recording: Recording) -> tuple[int, int]:
-    """How often a vehicle comes into view after the first frame, and how often far from the entrance."""
+    """Return the number of appearances after the first frame, and of those far from the entrance."""
     frames = recording.frames
     index = np.arange(recording.frame_count)[:, None]
     starts = frames.valid & (frames.first == index) & (index > 0)
@@ -198,18 +198,18 @@ def _appearances(recording: Recording) -> tuple[int, int]:
 
 
 def _overlaps(frames: Frames) -> int:
-    """Pairs of boxes that overlap, over all frames."""
+    """Return the number of pairs of boxes that overlap, over all frames."""
     count = 0
     for start in range(0, len(frames.x), FRAMES_AT_ONCE):
         chunk = slice(start, start + FRAMES_AT_ONCE)
         hit = _closer(frames.x[chunk], frames.length[chunk]) & _closer(frames.y[chunk], frames.width[chunk])
-        # Each pair is seen from both sides, and each vehicle meets itself.
+        # Each pair is counted from both sides, and each vehicle with itself.
         count += (int(hit.sum()) - int(frames.valid[chunk].sum())) // 2
     return count
 
 
 def _closer(centre: Floats, size: Floats) -> Mask:
-    """Whether two extents overlap, for every pair in a frame; False where one is missing. Shape (F, K, K)."""
+    """Return whether two extents overlap, for every pair in a frame; else False. Shape (F, K, K)."""
     distance = np.abs(centre[:, :, None] - centre[:, None, :])
     overlap: Mask = distance < (size[:, :, None] + size[:, None, :]) / 2
     return overlap

@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Direction(Enum):
-    """Which way a lane runs, seen from above with x to the right and y downward."""
+    """The direction of travel of a lane, seen from above with x to the right and y downward."""
 
     LEFT_TO_RIGHT = "left_to_right"
     RIGHT_TO_LEFT = "right_to_left"
@@ -23,7 +23,7 @@ class Lane:
     """One lane of the road, a strip along x.
 
     `id` counts 1, 2, 3 … from the top (smallest y) over both directions; `centre` [m] is its y, `width` [m]
-    its extent in y, `speed_limit` [m/s] what applies there.
+    its extent in y, `speed_limit` [m/s] its limit.
     """
 
     id: int

@@ -1,4 +1,4 @@
-"""Recognise what a path holds, from names and first lines alone."""
+"""Recognise the recordings of a path, by names and first lines alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TRACKS_FILE = re.compile(r"(\d+)_tracks\.csv(?:\.gz|\.xz)?")
 
 
 class Format(Enum):
-    """Layouts that can be loaded."""
+    """Formats that can be loaded."""
 
     HIGHD = "highD"
     NGSIM_CSV = "NGSIM, CSV"
@@ -32,10 +32,10 @@ class Format(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where one recording comes from.
+    """The source of one recording.
 
     `files` are the tracks, tracksMeta and recordingMeta of highD, or the one table of NGSIM; `part` is the
-    site or period wanted of that table, None for all of it.
+    requested site or period of that table, None for all of it.
     """
 
     name: str
@@ -45,15 +45,15 @@ class Source:
 
 
 def bundled_recordings() -> tuple[str, ...]:
-    """Names of the recordings that come with the package, sorted."""
+    """Return the names of the recordings that come with the package, sorted."""
     return tuple(sorted(path.name for path in BUNDLED.iterdir() if path.is_dir()))
 
 
 def find_source(path: str | Path) -> Source:
-    """The recording that a path or the name of a bundled recording means.
+    """Return the recording that a path or the name of a bundled recording means.
 
     Raises:
-        UserError: there is none, or there are several and none is chosen, or the format is unknown.
+        UserError: there is none, or there are several without a choice, or the format is unknown.
     """
     location, part = _locate(path)
     name = location.name if part is None else f"{location.name}#{part}"
@@ -69,7 +69,7 @@ def find_source(path: str | Path) -> Source:
 
 
 def _locate(path: str | Path) -> tuple[Path, str | None]:
-    """The folder or file meant, and the part of it."""
+    """Return the folder or file, and the part of it."""
     if str(path) in bundled_recordings():
         return BUNDLED / path, None
     if Path(path).exists():
@@ -82,7 +82,7 @@ def _locate(path: str | Path) -> tuple[Path, str | None]:
 
 
 def _choose(folder: Path, part: str | None) -> str:
-    """The id of the recording meant in a highD folder."""
+    """Return the id of the chosen recording in a highD folder."""
     found = (_TRACKS_FILE.fullmatch(path.name) for path in folder.iterdir())
     parts = sorted({match[1] for match in found if match})
     if not parts:
@@ -99,7 +99,7 @@ def _choose(folder: Path, part: str | None) -> str:
 
 
 def _highd_files(folder: Path, part: str) -> tuple[Path, ...]:
-    """The tracks, tracksMeta and recordingMeta files of one recording."""
+    """Return the tracks, tracksMeta and recordingMeta files of one recording."""
     files = []
     for kind in ("tracks", "tracksMeta", "recordingMeta"):
         candidates = [folder / f"{part}_{kind}{suffix}" for suffix in SUFFIXES]
@@ -111,7 +111,7 @@ def _highd_files(folder: Path, part: str) -> tuple[Path, ...]:
 
 
 def _table_format(path: Path) -> Format:
-    """Which NGSIM layout a file has, from its first line."""
+    """Return the NGSIM layout of a file, from its first line."""
     try:
         with open_text(path) as file:
             line = file.readline(10_000)

@@ -1,4 +1,4 @@
-"""From rows, one per vehicle and frame, to the padded arrays of a recording."""
+"""Turn rows, one per vehicle and frame, into the padded arrays of a recording."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, F
 from drlsl.traffic.road import Lane
 
 FLOAT_COLUMNS = ("x", "y", "vx", "vy", "length", "width")
-"""The columns of measures, in Tracks and in Frames."""
+"""The columns of measurements, in Tracks and in Frames."""
 
 ROUNDING = 1e-6
 """Slack [m] at the borders of a lane, so that none falls between two lanes that touch."""
 
 MOST_CELLS = 100_000_000
-"""Largest frames x vehicles rectangle built, about 6 GB: a guard against wrong frame numbers."""
+"""Largest rectangle of frames x vehicles, about 6 GB: a guard against wrong frame numbers."""
 
 
 @dataclass(slots=True, eq=False)
@@ -41,15 +41,15 @@ class Tracks:
         return len(self.frame)
 
     def take(self, rows: npt.NDArray[np.generic]) -> Tracks:
-        """The rows selected by an index or mask, in that order."""
+        """Return the rows selected by an index or mask, in that order."""
         return Tracks(*(getattr(self, item.name)[rows] for item in fields(self)))
 
 
 def without_duplicates(tracks: Tracks) -> tuple[Tracks, npt.NDArray[np.int64], tuple[Dropped, ...]]:
-    """Rows sorted by vehicle and frame, one row for each pair of them.
+    """Return rows sorted by vehicle and frame, one row for each pair of them.
 
-    Of several rows for one vehicle and frame the first in the source stays. Returns the rows, their indices
-    in the input, and what was dropped: repeated rows, and rows that contradict the one kept.
+    Of several rows for one vehicle and frame the first in the source is kept. Returns the rows, their indices
+    in the input, and the dropped rows: repeated ones, and those that contradict the one kept.
     """
     order = np.lexsort((tracks.frame, tracks.vehicle))
     ordered = tracks.take(order)
@@ -68,14 +68,14 @@ def without_duplicates(tracks: Tracks) -> tuple[Tracks, npt.NDArray[np.int64], t
 
 
 def segment_starts(tracks: Tracks) -> npt.NDArray[np.int64]:
-    """Rows at which an unbroken stretch of a track begins; rows are sorted by vehicle and frame."""
+    """Return the rows at which an unbroken stretch of a track begins; rows sorted by vehicle, frame."""
     new = np.ones(len(tracks), dtype=np.bool_)
     new[1:] = (np.diff(tracks.vehicle) != 0) | (np.diff(tracks.frame) != 1)
     return np.flatnonzero(new)
 
 
 def lanes_of_rows(y: Floats, lanes: Sequence[Lane]) -> LaneIds:
-    """Id of the lane whose strip holds y, OFF_LANE where none does; a border belongs to the lane below it."""
+    """Return the id of the lane whose strip holds y, else OFF_LANE; a border belongs to the lane below it."""
     ids = np.full(y.shape, OFF_LANE, dtype=np.int16)
     for lane in lanes:
         ids[np.abs(y - lane.centre) <= lane.width / 2 + ROUNDING] = lane.id
@@ -83,7 +83,7 @@ def lanes_of_rows(y: Floats, lanes: Sequence[Lane]) -> LaneIds:
 
 
 def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
-    """The padded arrays of rows that are sorted, free of duplicates and numbered from frame 0.
+    """Return the padded arrays of rows that are sorted, free of duplicates and numbered from frame 0.
 
     Raises:
         UserError: the frame numbers would need an absurd amount of memory.
@@ -116,7 +116,7 @@ def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
 
 
 def _slots(begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]) -> tuple[Ids, int]:
-    """A slot for each segment [begin, end), none shared at one time, as few as the busiest frame needs."""
+    """Return a slot for each segment [begin, end): none shared at one time, as few as possible."""
     slots = np.empty(len(begin), dtype=np.int32)
     free: list[int] = []
     busy: list[tuple[int, int]] = []

@@ -107,7 +107,7 @@ def test_an_existing_recording_is_kept_unless_forced(tmp_path: Path) -> None:
 def test_force_deletes_nothing_but_recordings(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("keep me")
     with pytest.raises(
-        UserError, match=r"--force replaces only recordings, and thesis\.tex is no part of one"
+        UserError, match=r"--force replaces only recordings, and thesis\.tex is not part of one"
     ):
         write_highd(by_hand(), tmp_path, force=True)
     assert contents(tmp_path) == {"thesis.tex": b"keep me"}

@@ -143,7 +143,7 @@ def test_a_recorded_speed_that_positions_contradict_is_set_aside(tmp_path: Path)
     rows = traffic(2) + [Row(**{**vars(row), "vx": 22.0}) for row in drive(3, 3)]
     recording = load_recording(write_ngsim_csv(tmp_path / "t.csv", rows))
     assert by_vehicle(recording, 3)["vx"] == pytest.approx(np.full(200, 15.0))
-    assert "1 vehicles' vx from positions, which v_Vel contradicts" in recording.notes
+    assert "1 vehicles' vx from positions, which contradict v_Vel" in recording.notes
 
 
 def test_a_recorded_speed_near_the_positions_stays(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_one_of_several_sites_is_chosen(tmp_path: Path) -> None:
         load_recording(path)
     with pytest.raises(UserError, match="no part 'us-102'; it holds i-80, peachtree, us-101"):
         load_recording(f"{path}#us-102")
-    with pytest.raises(UserError, match="peachtree is no freeway"):
+    with pytest.raises(UserError, match="peachtree is not a freeway"):
         load_recording(f"{path}#peachtree")
     assert len(load_recording(f"{path}#us-101").lanes) == 3
     assert len(load_recording(f"{path}#i-80").lanes) == 2
