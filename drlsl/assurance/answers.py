@@ -1,4 +1,4 @@
-"""The same questions to each tier, with answers in one form: solutions by the goal's variables."""
+"""Ask each tier the same questions; answers are solutions by the goal's variables."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from drlsl.lowering.frontend import Query, lower
 from drlsl.lowering.ir import Undecided
 
 WRONG: Final = (PrologError, LimitExceeded, RuleFailure, UserError)
-"""What asking the rules may raise when they are wrong; the message says why."""
+"""Exceptions of faulty rules when they are queried; the message gives the reason."""
 
 
 class Asker(Protocol):
     """A tier that answers questions about scenes."""
 
     def ask(self, scene: Scene, question: Question) -> Solutions:
-        """The solutions, as many as the question wants; raises one of `WRONG` where the rules do."""
+        """Return as many solutions as the question needs; raise one of `WRONG` if the rules do."""
 
 
 class Interpreter:
@@ -38,7 +38,7 @@ class Interpreter:
         self._scene: Scene | None = None
 
     def ask(self, scene: Scene, question: Question) -> Solutions:
-        """The solutions of the question in a scene."""
+        """Return the solutions of the question in a scene."""
         if scene is not self._scene:
             self._scene = None
             self._shield.state_facts(scene)
@@ -53,7 +53,7 @@ class Interpreter:
 
 
 class Generated:
-    """Asks code that was generated for one scene; scenes that it leaves undecided go to the interpreter."""
+    """Runs code that was generated for one scene; scenes that it leaves undecided go to the interpreter."""
 
     def __init__(self, engine: Engine, otherwise: Asker) -> None:
         self._engine = engine
@@ -79,7 +79,7 @@ class Generated:
         self._programs[question] = program, tuple(shown)
 
     def ask(self, scene: Scene, question: Question) -> Solutions:
-        """The solutions of a question that was prepared."""
+        """Return the solutions of a prepared question."""
         program, names = self._programs[question]
         if scene.road is not self._road:
             self._road, self._road_facts = scene.road, road_facts(scene.road)
@@ -97,7 +97,7 @@ _GOAL: Final = "$table_goal"
 
 
 def problem_of(asker: Asker, case: Case, check_index: int) -> str | None:
-    """What is wrong with the answer to one check of a case; None if it is right."""
+    """Return the error in the answer to one check of a case; None if it is right."""
     check = case.checks[check_index]
     try:
         found = asker.ask(case.scene, check.question)
@@ -107,12 +107,12 @@ def problem_of(asker: Asker, case: Case, check_index: int) -> str | None:
 
 
 def first_line(error: BaseException) -> str:
-    """The first line of an error's message."""
+    """Return the first line of an error's message."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def decision_problem(shield: Shield, case: Case) -> str | None:
-    """What is wrong with the decision as a whole: one that fails, or that should and does not."""
+    """Return the error of the decision as a whole: it fails, or should fail and does not."""
     try:
         shield.decide(case.scene)
     except (RuleFailure, UserError) as failure:

@@ -1,6 +1,6 @@
 """Scenes in the words of a driver: lanes counted from the right, gaps from bumper to bumper.
 
-Nobody who writes a table computes coordinates. Rows say where everybody is as the ego's driver sees it;
+Authors of tables compute no coordinates. Rows give the places of vehicles as the ego's driver sees them;
 `scene_of` lays them out on the road for one direction of travel.
 """
 
@@ -27,13 +27,13 @@ EGO_X: Final = 256.0
 
 
 class Row(BaseModel):
-    """A part of a table that refuses keys it does not know."""
+    """A part of a table that refuses unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
 class LaneRow(Row):
-    """A lane that is not like the others; `apart` is the strip between it and the lane to its right [m]."""
+    """A lane that differs from the others; `apart` is the strip between it and the lane to its right [m]."""
 
     width: Positive | None = None
     speed_limit: Positive | None = None
@@ -56,9 +56,9 @@ class RoadRow(Row):
 
 
 class BoxRow(Row):
-    """What ego and vehicles share; SI units.
+    """The common fields of ego and vehicles; SI units.
 
-    `shift`: how far its centre is to the ego driver's left of the lane's centre; `drift`: the speed that way.
+    `shift`: offset of its centre to the ego driver's left of the lane's centre; `drift`: the speed that way.
     """
 
     shift: float = 0.0
@@ -76,11 +76,11 @@ class EgoRow(BoxRow):
 
 
 class VehicleRow(BoxRow):
-    """Another vehicle: its lane, where it is along the road, and its speed in its lane's direction [m/s].
+    """Another vehicle: its lane, its place along the road, and its speed in its lane's direction [m/s].
 
     `lane` is left, own or right of the ego's, or a number: 1, 2 … from the right, or -1, -2 … for oncoming
     lanes from the median. Exactly one is given of `ahead` and `behind`, the gap from bumper to bumper [m],
-    and `offset`, how far its centre is ahead of the ego's [m].
+    and `offset`, the distance of its centre ahead of the ego's [m].
     """
 
     lane: LaneWord | int = "own"
@@ -97,7 +97,7 @@ class VehicleRow(BoxRow):
 
 
 class Layout:
-    """A road as the driver sees it and as the rules are told, for one direction of travel."""
+    """A road as the driver sees it and as the rules see it, for one direction of travel."""
 
     def __init__(self, row: RoadRow, direction: Direction) -> None:
         lanes = [LaneRow() for _ in range(row.lanes)] if isinstance(row.lanes, int) else row.lanes
@@ -137,15 +137,15 @@ class Layout:
         return Lane(self.lane_id(number), direction, self.y(self._centres[number]), width, limit)
 
     def lane_id(self, number: int) -> int:
-        """The road's id of a lane, given by its place from the right, from 0."""
+        """Return the road's id of a lane, given by its place from the right, from 0."""
         return len(self._centres) - number if self.sign > 0 else number + 1
 
     def y(self, from_the_right: float) -> float:
-        """The y of a place that many metres from the road's right edge, as the ego's driver has it."""
+        """Return the y of a place, given in metres from the road's right edge in the ego's direction."""
         return self._edge - from_the_right if self.sign > 0 else from_the_right
 
     def number(self, lane: LaneWord | int, ego_lane: int) -> int:
-        """The place from the right, from 0, of a lane that a row names; negative names are oncoming lanes.
+        """Return the place from the right, from 0, of a row's lane; negative numbers are oncoming lanes.
 
         Raises:
             ValueError: the road has no such lane.
@@ -161,7 +161,7 @@ class Layout:
         return number
 
     def centre(self, number: int) -> float:
-        """How far from the road's right edge a lane's centre is [m]."""
+        """Return the distance of a lane's centre from the road's right edge [m]."""
         return self._centres[number]
 
 
@@ -175,7 +175,7 @@ class Staging:
     direction: Direction
 
     def scene(self) -> Scene:
-        """The scene on the road.
+        """Return the scene on the road.
 
         Raises:
             ValueError: a lane that the road does not have.
@@ -183,7 +183,7 @@ class Staging:
         return scene_of(self.road, self.ego, self.vehicles, self.direction)
 
     def row(self) -> str:
-        """The row of a table that describes it, in one line of YAML."""
+        """Return the scene as a row of a table, in one line of YAML."""
         vehicles = {name: _given(vehicle) for name, vehicle in self.vehicles.items()}
         parts = {"road": _given(self.road), "ego": _given(self.ego), "vehicles": vehicles}
         row = {"directions": self.direction.value, **{key: value for key, value in parts.items() if value}}
@@ -195,7 +195,7 @@ def _given(row: Row) -> dict[str, object]:
 
 
 def scene_of(road: RoadRow, ego: EgoRow, vehicles: Mapping[str, VehicleRow], direction: Direction) -> Scene:
-    """The scene that rows describe, with the ego driving in `direction`.
+    """Return the scene that rows describe, with the ego driving in `direction`.
 
     Raises:
         ValueError: a lane that the road does not have.

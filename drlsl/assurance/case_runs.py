@@ -1,4 +1,4 @@
-"""Runs the cases of tables on every tier."""
+"""Run the cases of tables on every tier."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from drlsl.lowering.ir import NotLowerable
 
 @dataclass(frozen=True)
 class Failure:
-    """A wrong answer: in which row and case, to which question, what is wrong with it, on which tiers."""
+    """A wrong answer: its row, case and question, the error, and the tiers."""
 
     place: str
     case: str
@@ -28,7 +28,7 @@ class Failure:
 
 @dataclass
 class Outcome:
-    """What running tables showed: `answers` counts the checks by tier, `notes` say what a tier cannot run."""
+    """The results of running tables: `answers` counts checks by tier, `notes` list what tiers cannot run."""
 
     cases: int = 0
     answers: dict[str, int] = field(default_factory=dict)
@@ -84,13 +84,13 @@ def _prepares(asker: Generated, question: Question, outcome: Outcome) -> bool:
     except NotLowerable as reason:
         outcome.notes.append(f"only the interpreter answers {question.goal}: {reason.reason}")
         return False
-    except PrologError:  # it is no goal, as the interpreter says of each row that asks it
+    except PrologError:  # it is not a goal; the interpreter reports that for each row that asks it
         return False
     return True
 
 
 def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome, name: str) -> Iterator[Result]:
-    """The answers to what driving asks, for all scenes at once."""
+    """Yield the answers to the questions of driving, for all scenes at once."""
     try:
         tested = shield.with_tier(name)
     except UserError as reason:
@@ -119,7 +119,7 @@ def _failure_problem(case: Case, failure: str | None) -> str | None:
 
 
 def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mapping[Question, Solutions]:
-    """One scene's decision as the solutions of the goals that tables ask for it."""
+    """Return one scene's decision as the solutions of the corresponding goals."""
     offered: list[Any] = [atom for atom, on in zip(ATOMS, decisions.action_mask[index], strict=True) if on]
     holds: Final[list[Mapping[str, Any]]] = [{}]
     return {

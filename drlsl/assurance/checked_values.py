@@ -12,7 +12,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def checked(file: YamlFile, model: type[Model], values: object, *locations: Location) -> Model:
-    """Return `values` as a model; `locations` are where they came from, the last one weighing most.
+    """Return `values` as a model; `locations` are their origins, later ones taking precedence in errors.
 
     Raises:
         UserError: the values do not fit the model; the message names file, line and key.
@@ -25,10 +25,10 @@ def checked(file: YamlFile, model: type[Model], values: object, *locations: Loca
         places = [[*location, *keys] for location in locations]
         place = next((place for place in reversed(places) if file.holds(place)), places[-1])
         name = ".".join(map(str, keys)) or "the table"
-        text = problem_text(first, name, "is no key of a table; docs/testing-rules.md lists them")
+        text = problem_text(first, name, "is not a key of a table; docs/testing-rules.md lists them")
         raise file.error(place, text) from error
 
 
 def _is_tag(part: str) -> bool:
-    """Whether a part of pydantic's place names a type that it tried, and no key."""
+    """Return whether a part of pydantic's location names a type that it tried instead of a key."""
     return "[" in part or part in ("int", "float", "str", "bool", "list", "dict") or part.endswith("Row")

@@ -1,4 +1,4 @@
-"""One expected answer: the goal that is asked, and what its solutions must be."""
+"""One expected answer: the goal to query, and its expected solutions."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from drlsl.lowering.frontend import Mode
 Solutions: TypeAlias = Sequence[Mapping[str, Any]]
 
 OBSERVED: Final = (*SECTIONS, "lane", "speed")
-"""What the ten numbers of an observation are called."""
+"""Names of the ten numbers of an observation."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """A goal, and how much of its answer counts: whether it holds, its first solution, or all of them."""
+    """A goal, and the answers that matter: whether it holds, its first solution, or all solutions."""
 
     goal: str
     mode: Mode
@@ -33,37 +33,37 @@ ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY, LANE = (
     for one in (shield.ACTIONS, shield.SPEED, shield.STATE, shield.FREE, shield.ENTRY, shield.LANE)
 )
 DRIVING: Final = (ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY)
-"""What driving asks of every program; `LANE` only of those that define it."""
+"""The questions of driving to every program; `LANE` only to those that define it."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """An expectation about one goal; `what` is the word for it."""
+    """An expectation about one goal; `what` is its word in reports."""
 
     what: str
     question: Question
 
     def problem(self, found: Solutions) -> str | None:
-        """What is wrong with the solutions, as `expected ..., got ...`; None if they are right."""
+        """Return the error of the solutions, as `expected ..., got ...`; None if they are right."""
         expected, given = self.expected(), self.given(found)
         return None if self.agrees(found) else f"expected {expected}, got {given}"
 
     def agrees(self, found: Solutions) -> bool:
-        """Whether the solutions are as expected."""
+        """Return whether the solutions are as expected."""
         raise NotImplementedError
 
     def expected(self) -> str:
-        """The expectation in words."""
+        """Return the expectation in words."""
         raise NotImplementedError
 
     def given(self, found: Solutions) -> str:
-        """The answer in the same words."""
+        """Return the answer in the same words as the expectation."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Holds(Check):
-    """The goal has a solution, or it has none."""
+    """Expects that the goal has a solution, or that it has none."""
 
     wanted: bool
 
@@ -140,7 +140,7 @@ class Observed(Check):
 
 @dataclass(frozen=True)
 class Nearest(Check):
-    """Who is nearest in a section; None where it is free. The solutions give Section, Car and Gap."""
+    """The nearest vehicle of a section; None if it is free. The solutions give Section, Car and Gap."""
 
     wanted: tuple[tuple[str, str | None], ...]
 
@@ -157,7 +157,7 @@ class Nearest(Check):
     def _nearest(found: Solutions, section: str) -> str | None:
         inside = [row for row in found if row["Section"] == section]
         if not all(isinstance(row["Gap"], int | float) for row in inside):
-            return "a gap that is no number"
+            return "a gap that is not a number"
         return str(min(inside, key=lambda row: float(row["Gap"]))["Car"]) if inside else None
 
 
@@ -211,12 +211,12 @@ def _rows(solutions: Solutions) -> str:
 
 
 def _values(found: Solutions) -> list[Any]:
-    """The values of the only variable."""
+    """Return the values of the only variable."""
     return [next(iter(row.values())) for row in found]
 
 
 def alike(wanted: Any, given: Any, tolerance: float) -> bool:
-    """Equal; numbers within the tolerance, integers of the rules only to whole numbers."""
+    """Return whether values are equal; numbers within the tolerance, the rules' integers only to integers."""
     if isinstance(wanted, list):
         return (
             isinstance(given, list)
@@ -229,7 +229,7 @@ def alike(wanted: Any, given: Any, tolerance: float) -> bool:
 
 
 def shown(value: Any) -> str:
-    """A value of a solution for a person; floats to six places."""
+    """Return a value of a solution as text; floats to six places."""
     if isinstance(value, float):
         return f"{value:.6f}".rstrip("0").rstrip(".") if abs(value) >= 1e-6 or value == 0 else repr(value)
     if isinstance(value, list):
@@ -239,11 +239,11 @@ def shown(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with what is expected of the rules in it.
+    """A scene with the expectations about the rules in it.
 
-    `place` is file and line, `name` says what it is about. `fails` is a part of the message with which the
-    rules are expected to fail instead of deciding; None where a usable decision is expected. `staging` is the
-    scene in the words of a table, if it comes from one.
+    `place` is file and line, `name` its subject. `fails` is a part of the message with which the rules are
+    expected to fail instead of deciding; None if a usable decision is expected. `staging` is the scene in the
+    words of a table, if it comes from one.
     """
 
     place: str

@@ -1,4 +1,4 @@
-"""Where the parts of a clause stand in its text: the head, the goals, their arguments, the operators."""
+"""The positions of a clause's parts in its text: the head, the goals, their arguments, the operators."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from drlsl.logic.syntax import (
 from drlsl.logic.terms import Operators
 
 CONTROL: Final = frozenset({",", ";", "->", "*->", "|"})
-"""What stands between goals."""
+"""Separators between goals."""
 
 _OPEN: Final = frozenset({WORD_OPEN, SYMBOL_OPEN, QUOTED_OPEN, LETTER_OPEN})
 
@@ -46,7 +46,7 @@ class Range:
         return self.end - self.first
 
     def holds(self, other: Range) -> bool:
-        """Whether it has all the tokens of another."""
+        """Return whether it includes all tokens of another range."""
         return self.first <= other.first and other.end <= self.end
 
 
@@ -100,11 +100,11 @@ class ClauseText:
         return tuple(self._goals(Range(min(self.neck + 1, end), end)))
 
     def offset(self, index: int) -> int:
-        """Where a token begins in the source."""
+        """Return the offset of a token in the source."""
         return self.tokens[index][2]
 
     def stretch(self, part: Range) -> tuple[int, int]:
-        """Where tokens begin and end in the source."""
+        """Return the offsets of the start and the end of tokens in the source."""
         start = self.offset(part.first)
         return start, start + len(self.source.text[start : self.offset(part.end)].rstrip())
 
@@ -126,14 +126,14 @@ class ClauseText:
                     yield from self._goals(call.arguments[index])
 
     def _call(self, part: Range) -> Call:
-        """A head or goal; it has arguments where it is a functor with brackets and nothing behind them."""
+        """Return a head or goal, with the arguments of a functor that is followed only by brackets."""
         if len(part) and self.tokens[part.first][0] in _OPEN and self._closing(part.first) == part.end - 1:
             inside = Range(part.first + 1, part.end - 1)
             return Call(part, tuple(self._split(inside, frozenset({","}))))
         return Call(part)
 
     def _split(self, part: Range, separators: frozenset[str]) -> Iterator[Range]:
-        """The stretches between separators that stand in no bracket."""
+        """Yield the ranges between separators that are outside all brackets."""
         first = index = part.first
         while index < part.end:
             kind, text, _ = self.tokens[index]
@@ -146,7 +146,7 @@ class ClauseText:
         yield Range(first, part.end)
 
     def _closing(self, opening: int) -> int:
-        """The index of the bracket that closes the one that a token opens."""
+        """Return the index of the bracket that closes the opening one."""
         depth = 0
         for index in range(opening, len(self.tokens)):
             kind, text, _ = self.tokens[index]
@@ -159,7 +159,7 @@ class ClauseText:
         raise AssertionError("the reader has accepted the clause, so its brackets are closed")
 
     def is_infix(self, index: int) -> bool:
-        """Whether an operator has an operand on its left."""
+        """Return whether an operator has an operand on its left."""
         kind, text, _ = self.tokens[index - 1]
         operand = kind in (VARIABLE, INTEGER, FRACTION) or (kind == WORD and text not in _WORD_OPERATORS)
         return index > 0 and (operand or (kind == PUNCTUATION and text in ")]}"))
@@ -169,9 +169,9 @@ _WORD_OPERATORS: Final = frozenset({name for name in Operators().infix if name.i
 
 
 def clause_texts(engine: Engine, files: Sequence[Path] = ()) -> list[ClauseText]:
-    """The clauses of a program that were read from a text, in the order of files and lines.
+    """Return the clauses of a program that were read from a text, in the order of files and lines.
 
-    Given the files that were consulted, only theirs and of what they include: not of what they are on top of.
+    With `files`, only the clauses of these files and those that they include, not of the rules they build on.
     """
     wanted = set(map(str, files))
     found = []

@@ -1,6 +1,6 @@
-"""Which clauses and branches of a rule program its tables reach, found by running an instrumented copy.
+"""Find the clauses and branches of a rule program that its tables reach, with an instrumented copy.
 
-The copy has a goal ``nb_setval(Point, true)`` wherever something is to be noticed, so the solver is as it is.
+The copy has a goal ``nb_setval(Point, true)`` at each point, so the solver needs no change.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _POINT: Final = "$covered"
 
 @dataclass(frozen=True)
 class Point:
-    """Something that should happen when rules are tried: `what` happens, and where it stands.
+    """A point that tests of the rules should reach: `what` happens, and its position.
 
-    `what` is "clause" for a clause that answers; for the rest it says which branch is taken.
+    `what` is "clause" for a clause that answers, else the branch that is taken.
     """
 
     what: str
@@ -40,7 +40,7 @@ class Point:
 
     @property
     def is_clause(self) -> bool:
-        """Whether this is a clause and no branch inside one."""
+        """True for a clause, False for a branch inside one."""
         return self.what == CLAUSE
 
     def __str__(self) -> str:
@@ -58,13 +58,13 @@ class Coverage:
     missed: tuple[Point, ...]
 
     def share(self, *, clauses: bool) -> tuple[int, int]:
-        """How many clauses, or else branches, were reached, and how many there are."""
+        """Return the numbers of clauses, or else branches, that were reached, and of all."""
         reached = sum(point.is_clause == clauses for point in self.reached)
         return reached, reached + sum(point.is_clause == clauses for point in self.missed)
 
 
 class Instrumented:
-    """An engine whose program notes what is reached; the program is changed in place."""
+    """An engine whose program records the points that it reaches; the program is changed in place."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -79,17 +79,17 @@ class Instrumented:
             predicate.replace(clauses)
 
     def begin(self) -> None:
-        """Forget what was reached."""
+        """Forget the points that were reached."""
         for key in [key for key in self._globals if key.startswith(_POINT)]:
             del self._globals[key]
         self._engine.forget_answers()  # so that the clauses of tabled predicates are run again
 
     def reached(self) -> set[int]:
-        """The indexes of the points that were reached since `begin`."""
+        """Return the indexes of the points reached since `begin`."""
         return {int(key.split()[2]) for key in self._globals if key.startswith(f"{_POINT} point")}
 
     def entered(self) -> set[tuple[str, int]]:
-        """The clauses, by predicate and number, whose heads matched since `begin`."""
+        """Return the clauses, by predicate and number, whose heads matched since `begin`."""
         found = (key.split()[2] for key in self._globals if key.startswith(f"{_POINT} entry"))
         return {(self._entries[int(n)].predicate, self._entries[int(n)].number) for n in found}
 
@@ -98,7 +98,7 @@ class Instrumented:
         self._entries.append(text)
         entry = _note(f"entry {len(self._entries) - 1}")
         end = self._point(CLAUSE, text, None, 0)
-        # The reader knows places in the term that it read; the clause's body may be a copy.
+        # The reader knows the positions of the term that it read; the clause's body may be a copy.
         read = clause.origin.term
         is_rule = type(read) is Struct and read.name == ":-"
         body = self._body(read.args[1], text) if is_rule else clause.body
@@ -106,7 +106,7 @@ class Instrumented:
         return Clause(head, body, clause.span, clause.names, clause.source, clause.origin)
 
     def _point(self, what: str, text: ClauseText, control: Struct | None, index: int) -> Term:
-        """A goal that notes a point, at the argument of a control construct or at the clause itself."""
+        """Return a goal that records a point, at a control construct's argument or at the clause itself."""
         place = text.clause.span
         if control is not None and isinstance(text.clause.origin, ReadTerm):
             place = text.clause.origin.place(control, index) or place
@@ -148,7 +148,7 @@ class Instrumented:
         return Struct(term.name, (self._body(term.args[0], text), then))
 
     def _negation(self, term: Struct, text: ClauseText) -> Term:
-        """``\\+ G`` notes both outcomes and binds nothing, as before."""
+        """Return ``\\+ G`` so that it records both outcomes and binds nothing, as before."""
         found = _all_of(self._point("negation fails", text, term, 0), _FAIL)
         none = self._point("negation holds", text, term, 0)
         return Struct(";", (Struct("->", (self._body(term.args[0], text), found)), none))
@@ -170,10 +170,10 @@ Traces = Mapping[tuple[int, int], frozenset[tuple[str, int]]]
 
 
 def measure(shield: Shield, cases: Sequence[Case], files: Sequence[Path] = ()) -> tuple[Coverage, Traces]:
-    """Run the checks of all cases on the interpreter; the shield's program is instrumented by this.
+    """Run the checks of all cases on the interpreter; this instruments the shield's program.
 
     Returns:
-        What was reached, of the whole program or of `files` and what they include, and which clauses each
+        The coverage, of the whole program or of `files` and the files they include, and the clauses that each
         check tried.
     """
     noted = Instrumented(shield.engine)

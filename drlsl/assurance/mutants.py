@@ -17,7 +17,7 @@ from drlsl.logic.core import copy_term, undo, unify
 from drlsl.logic.syntax import FRACTION, INTEGER, SYMBOL, SYMBOL_OPEN, VARIABLE, WORD, WORD_OPEN
 
 Edit: TypeAlias = tuple[int, int, str]
-"""Start and end of a stretch of a source, and what stands there instead."""
+"""Start and end of a stretch of a source, and its replacement."""
 
 _COMPARISONS: Final[Mapping[str, tuple[str, ...]]] = {
     "<": ("=<", ">=", ">"),
@@ -35,7 +35,7 @@ _COMPARISONS: Final[Mapping[str, tuple[str, ...]]] = {
     "@=<": ("@>",),
     "@>=": ("@<",),
 }
-"""Off by the boundary, and the other way round with and without it."""
+"""Comparisons off by the boundary, and reversed with and without it."""
 
 _INFIX: Final = {"+": "-", "-": "+", "*": "/", "/": "*"}
 _FUNCTIONS: Final = {"min": "max", "max": "min", "abs": "", "sqrt": ""}
@@ -60,7 +60,7 @@ class Mutant:
 
     @property
     def offset(self) -> int:
-        """Where the slip is in the source."""
+        """The offset of the slip in the source."""
         return self.edits[0][0] if self.edits else self.clause.start
 
     @property
@@ -71,19 +71,19 @@ class Mutant:
 
     @property
     def text(self) -> str | None:
-        """The changed clause, as it would stand in the file; None where there is none or none is changed."""
+        """The changed clause, as it would be in the file; None if there is none or none is changed."""
         if not self.edits:
             return None
         return self._edited(self.clause.start, self.clause.start + len(self.clause.text))
 
     @property
     def before(self) -> str:
-        """What the slip changes: the goal or the head around it, or the whole clause."""
+        """The text that the slip changes: the goal or the head around it, or the whole clause."""
         return _one_line(self.clause.source.text[slice(*self._shown())])
 
     @property
     def after(self) -> str:
-        """What stands there with the slip; empty where the clause is left out or moved."""
+        """The text with the slip; empty if the clause is left out or moved."""
         return _one_line(self._edited(*self._shown())) if self.edits else ""
 
     @property
@@ -95,7 +95,7 @@ class Mutant:
 
     @property
     def name(self) -> str:
-        """What tells this mutant from all others of the program, whatever the lines it stands in."""
+        """The unique name of this mutant in the program, independent of its line numbers."""
         return f"{self.clause.predicate} clause {self.clause.number}: {self.change}"
 
     def _shown(self) -> tuple[int, int]:
@@ -116,7 +116,7 @@ def _one_line(text: str) -> str:
 
 
 def mutants_of(clauses: Sequence[ClauseText]) -> list[Mutant]:
-    """Every mutant of these clauses, each text once, in the order of the sources."""
+    """Return every mutant of these clauses, each text once, in the order of the sources."""
     words = _Words(clauses)
     seen: set[tuple[ClauseText, str]] = set()
     found = []
@@ -130,7 +130,7 @@ def mutants_of(clauses: Sequence[ClauseText]) -> list[Mutant]:
 
 
 class _Words:
-    """The atoms that stand in each argument of each predicate, and the names of predicates."""
+    """The atoms that occur in each argument of each predicate, and the names of predicates."""
 
     def __init__(self, clauses: Sequence[ClauseText]) -> None:
         self._standing: dict[tuple[str, int, int], list[str]] = defaultdict(list)
@@ -148,18 +148,18 @@ class _Words:
                             self._standing[name, arity, place].append(text)
 
     def atoms_for(self, atom: str, name: str, arity: int, place: int) -> Iterator[str]:
-        """What an argument could be taken for: its opposites, and the next that stands there elsewhere."""
+        """Yield atoms that an argument could be confused with: its opposites, and another one used there."""
         yield from (word for word in opposites(atom) if word in self._atoms)
         standing = self._standing[name, arity, place]
         yield standing[(standing.index(atom) + 1) % len(standing)]
 
     def predicates_for(self, name: str, arity: int) -> Iterator[str]:
-        """The opposites of a predicate's name that the program has."""
+        """Yield the opposites of a predicate's name that the program has."""
         yield from (word for word in opposites(name) if (word, arity) in self._predicates)
 
 
 def opposites(name: str) -> Iterator[str]:
-    """The name with left for right, front for back, and so on."""
+    """Yield the name with left for right, front for back, and so on."""
     words = name.split("_")
     for one, other in _OPPOSITES:
         swapped = "_".join({one: other, other: one}.get(word, word) for word in words)
@@ -168,7 +168,7 @@ def opposites(name: str) -> Iterator[str]:
 
 
 def _slips(clause: ClauseText, words: _Words) -> Iterator[Mutant]:
-    """The slips inside a clause; the innermost goal around each is shown."""
+    """Yield the slips inside a clause; the innermost goal around each is shown."""
     for call in (clause.head, *clause.goals):
         inside = {
             index
@@ -187,7 +187,7 @@ def _slips(clause: ClauseText, words: _Words) -> Iterator[Mutant]:
 
 
 def _token_slips(clause: ClauseText, call: Call, index: int) -> Iterator[Mutant]:
-    """An operator or a constant that is another one."""
+    """Yield mutants with another operator or another constant."""
     kind, text, start = clause.tokens[index]
     if kind in (INTEGER, FRACTION):
         yield from _constants(clause, call, index)
@@ -207,7 +207,7 @@ def _token_slips(clause: ClauseText, call: Call, index: int) -> Iterator[Mutant]
 
 
 def _constants(clause: ClauseText, call: Call, index: int) -> Iterator[Mutant]:
-    """A constant that is off, has the other sign, is nothing, or is in km/h."""
+    """Yield mutants with a constant that is off, has the other sign, is 0, or is in km/h."""
     kind, text, start = clause.tokens[index]
     signed = clause.tokens[index - 1][:2] == (SYMBOL, "-") and not clause.is_infix(index - 1)
     value: int | float
@@ -226,7 +226,7 @@ def _constants(clause: ClauseText, call: Call, index: int) -> Iterator[Mutant]:
 
 
 def _swapped_operands(clause: ClauseText, call: Call, own: Sequence[int]) -> Iterator[Mutant]:
-    """A difference or a quotient of two variables the wrong way round."""
+    """Yield mutants with the operands of a difference or quotient of two variables swapped."""
     for index in own:
         kind, text, _ = clause.tokens[index]
         if kind == SYMBOL and text in "-/" and clause.is_infix(index):
@@ -234,7 +234,7 @@ def _swapped_operands(clause: ClauseText, call: Call, own: Sequence[int]) -> Ite
 
 
 def _other_variables(clause: ClauseText, call: Call, own: Sequence[int]) -> Iterator[Mutant]:
-    """In a comparison or an evaluation, a variable in the place of another one of it."""
+    """Yield mutants of a comparison or evaluation with one of its variables in place of another."""
     if call.arguments or call is clause.head:
         return
     places = [index for index in own if clause.tokens[index][0] == VARIABLE]
@@ -247,7 +247,7 @@ def _other_variables(clause: ClauseText, call: Call, own: Sequence[int]) -> Iter
 
 
 def _argument_slips(clause: ClauseText, call: Call, words: _Words) -> Iterator[Mutant]:
-    """Two variables next to each other that change places, and atoms for each other."""
+    """Yield mutants with two adjacent variables swapped, or an atom replaced."""
     for one, other in pairwise(call.arguments):
         yield from _swap(clause, call, one, other)
     name = clause.tokens[call.tokens.first][1]
@@ -270,7 +270,7 @@ def _swap(clause: ClauseText, call: Call, one: Range, other: Range) -> Iterator[
 
 
 def _goal_slips(clause: ClauseText, call: Call, words: _Words) -> Iterator[Mutant]:
-    """A goal that is forgotten, or that is its opposite."""
+    """Yield mutants with a goal left out, or replaced by its opposite."""
     start, end = clause.stretch(call.tokens)
     yield Mutant("goal", clause, ((start, end, "true"),), call.tokens)
     kind, name, _ = clause.tokens[call.tokens.first]
@@ -280,7 +280,7 @@ def _goal_slips(clause: ClauseText, call: Call, words: _Words) -> Iterator[Mutan
 
 
 def _whole(clause: ClauseText, clauses: Sequence[ClauseText]) -> Iterator[Mutant]:
-    """A clause that is forgotten, or that stands behind the next one if that could answer too."""
+    """Yield mutants with a clause left out, or moved behind the next one if that could answer too."""
     yield Mutant("clause", clause)
     for other in clauses:
         same = other.clause.predicate is clause.clause.predicate
@@ -289,7 +289,7 @@ def _whole(clause: ClauseText, clauses: Sequence[ClauseText]) -> Iterator[Mutant
 
 
 def _may_both_answer(one: ClauseText, other: ClauseText) -> bool:
-    """Whether some call matches the heads of both."""
+    """Return whether some call matches the heads of both."""
     trail: list[Any] = []
     matches = unify(copy_term(one.clause.head), copy_term(other.clause.head), trail)
     undo(trail, 0)

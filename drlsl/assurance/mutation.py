@@ -1,4 +1,4 @@
-"""Whether tables notice the mutants of a rule program."""
+"""Test whether tables notice the mutants of a rule program."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.lowering.ir import NotLowerable
 
 LIMITS: Final = Limits(inferences=300_000)
-"""What one question may cost a mutant; the rules need a hundredth of it."""
+"""Limits of one query of a mutant; the rules need a hundredth of it."""
 
 _FIRST: Final = 12
 """Checks that the interpreter makes before code is generated for a mutant."""
 
 _WORTHWHILE: Final = 8
-"""Checks that ask the same question from which on generated code is faster."""
+"""Number of checks of the same question from which on generated code is faster."""
 
 _WITNESSES: Final = 10
-"""Survivors for which a scene is looked for; each takes a few seconds."""
+"""Number of survivors for which a scene is searched; each takes a few seconds."""
 
 Key = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a mutant: where it stands, what it changes, and what noticed it; None if nothing did."""
+    """The verdict on a mutant: its place, its change, and the check that noticed it; None if none did."""
 
     name: str
     kind: str
@@ -66,7 +66,7 @@ class Score:
     """The verdicts on all mutants of a program.
 
     `reasons` explain survivors, by their names; `witnesses` have a scene for the first ones without a
-    reason, or None where none was found.
+    reason, or None if none was found.
     """
 
     verdicts: tuple[Verdict, ...]
@@ -75,12 +75,12 @@ class Score:
 
     @property
     def killed(self) -> int:
-        """How many mutants were noticed."""
+        """The number of mutants that were noticed."""
         return sum(verdict.killed_by is not None for verdict in self.verdicts)
 
     @property
     def survivors(self) -> list[Verdict]:
-        """The mutants that nothing noticed."""
+        """The mutants that were not noticed."""
         return [verdict for verdict in self.verdicts if verdict.killed_by is None]
 
     @property
@@ -95,13 +95,13 @@ class Score:
 
 
 class TiersDisagree(Exception):
-    """Generated code and the interpreter answer differently: a fault of DRLSL and not of the rules."""
+    """Generated code and the interpreter answer differently: a fault of DRLSL, not of the rules."""
 
 
 class MutantTester:
-    """Puts mutants into the files of a program, one after the other, and asks the tables about each.
+    """Puts mutants into the files of a program, one after the other, and runs the tables on each.
 
-    What the files are on top of, by ensure_loaded/1, stays as it is.
+    Rules that the files build on, by ensure_loaded/1, are left unchanged.
     """
 
     def __init__(self, rules: Sequence[Path], cases: Sequence[Case]) -> None:
@@ -116,13 +116,13 @@ class MutantTester:
         self._lucky: list[Key] = []
 
     def test_clause(self, number: int) -> list[Verdict]:
-        """The verdicts on all mutants of one clause."""
+        """Return the verdicts on all mutants of one clause."""
         clause = self.clauses[number]
         self._lucky = []
         return [self.verdict(mutant) for mutant in self.mutants if mutant.clause is clause]
 
     def verdict(self, mutant: Mutant) -> Verdict:
-        """Put a mutant in, ask until a check fails, and take it out again."""
+        """Put a mutant in, run checks until one fails, and take it out again."""
         killed_by: str | None
         try:
             with self.mutated(mutant):
@@ -135,10 +135,10 @@ class MutantTester:
 
     @contextmanager
     def mutated(self, mutant: Mutant) -> Iterator[Shield]:
-        """The program with the slip, for a while.
+        """Put the slip into the program while the context lasts.
 
         Raises:
-            PrologError: the changed text is no clause.
+            PrologError: the changed text is not a clause.
         """
         predicate = mutant.clause.clause.predicate
         before, clauses = list(predicate.clauses), _mutated(mutant, self._engine)
@@ -150,7 +150,7 @@ class MutantTester:
             predicate.replace(before)
 
     def witness(self, mutant: Mutant) -> Witness | None:
-        """A scene like those of the tables in which the mutant answers otherwise than the rules."""
+        """Return a scene similar to the tables' in which the mutant's answer differs from the rules'."""
         name = mutant.clause.clause.predicate.name
         driving = (question for question in DRIVING if self._reach.reaches(question, name))
         questions = dict.fromkeys([*driving, *map(self._question, self._relevant(mutant.clause))])
@@ -161,7 +161,7 @@ class MutantTester:
         return search.difference()
 
     def _killer(self, clause: ClauseText) -> str | None:
-        """The first check that fails, by place and question."""
+        """Return the first check that fails, by place and question."""
         keys = self._relevant(clause)
         for key in keys[:_FIRST]:
             if self._problem(self._interpreter, key) is not None:
@@ -188,10 +188,10 @@ class MutantTester:
         return problem_of(asker, self._cases[key[0]], key[1])
 
     def _relevant(self, clause: ClauseText) -> list[Key]:
-        """The checks that may depend on a clause, likely ones first.
+        """Return the checks that may depend on a clause, likely ones first.
 
         First those that noticed mutants of this clause before, then those that tried it, then those that
-        tried another clause of its predicate. What cannot reach the predicate at all is left out.
+        tried another clause of its predicate. Checks that cannot reach the predicate are left out.
         """
         own, predicate = (clause.predicate, clause.number), clause.predicate
         name = clause.clause.predicate.name
@@ -231,7 +231,7 @@ def _can(generated: Generated, question: Question) -> bool:
 
 
 def _mutated(mutant: Mutant, engine: Engine) -> list[Clause]:
-    """The clauses of the mutant's predicate."""
+    """Return the clauses of the mutant's predicate."""
     old = mutant.clause.clause
     clauses = list(old.predicate.clauses)
     at = mutant.clause.number - 1
@@ -247,7 +247,7 @@ def _mutated(mutant: Mutant, engine: Engine) -> list[Clause]:
 
 
 class _Reach:
-    """Which predicates a question can call, by names: a superset, since every atom and functor counts."""
+    """The predicates that a question can call, by names: a superset, since every atom and functor counts."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -258,7 +258,7 @@ class _Reach:
         self._known: dict[Question, frozenset[str]] = {}
 
     def reaches(self, question: Question, name: str) -> bool:
-        """Whether asking the question may call a predicate of that name."""
+        """Return whether the question may call a predicate of that name."""
         known = self._known.get(question)
         if known is None:
             goal = self._engine.read_goal(question.goal).term
@@ -294,7 +294,7 @@ def score(
     """Test every mutant of a program with cases that the program itself passes, in `jobs` processes.
 
     Raises:
-        UserError: a name in `reasons` is that of no survivor.
+        UserError: a name in `reasons` is not that of a survivor.
     """
     with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
         work = partial(_share, rules, cases, jobs=jobs)
@@ -319,20 +319,20 @@ def _witnesses(
 def _share(
     rules: Sequence[Path], cases: Sequence[Case], job: int, jobs: int
 ) -> list[tuple[int, list[Verdict]]]:
-    """The verdicts on every `jobs`-th clause, with the clause's number."""
+    """Return the verdicts on every `jobs`-th clause, with the clause's number."""
     tester = MutantTester(rules, cases)
     return [(number, tester.test_clause(number)) for number in range(job, len(tester.clauses), jobs)]
 
 
 def _refuse_stale(found: Score) -> None:
-    """A reason for something that is no survivor is wrong, and hides what it may have been written for."""
+    """Refuse a reason for a mutant that is not a survivor: it hides the mutant it was written for."""
     verdicts = {verdict.name: verdict for verdict in found.verdicts}
     for name in found.reasons:
         verdict = verdicts.get(name)
         if verdict is None:
             near = get_close_matches(name, verdicts, 1)
             hint = f"; did you mean {near[0]!r}" if near else ""
-            raise UserError(f"a reason is given for the mutant {name!r}, which there is not{hint}")
+            raise UserError(f"a reason is given for the mutant {name!r}, which does not exist{hint}")
         if verdict.killed_by is not None:
             raise UserError(
                 f"a reason is given for {name!r}, but {verdict.killed_by} notices it: take it out"

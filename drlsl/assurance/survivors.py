@@ -1,4 +1,4 @@
-"""Why some mutants cannot be noticed: written down beside the rules, and checked in every mutation run."""
+"""Reasons why some mutants cannot be noticed, kept beside the rules and checked in every mutation run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SUFFIX: Final = ".mutants.yaml"
 
 
 class ReasonRow(Row):
-    """A reason, and the names of the mutants that it is the reason for."""
+    """A reason, and the names of its mutants."""
 
     reason: Annotated[str, Field(min_length=1)]
     mutants: Annotated[list[str], Field(min_length=1)]
@@ -29,10 +29,10 @@ class ReasonsFile(Row):
 
 
 def reasons_of(rules: Sequence[Path]) -> dict[str, str]:
-    """The reasons beside rule files, by mutant: `highway.mutants.yaml` for highway.pl.
+    """Return the reasons beside rule files, by mutant: `highway.mutants.yaml` for highway.pl.
 
     Raises:
-        UserError: a file cannot be read, is not of that form, or names a mutant twice.
+        UserError: a file cannot be read, has another form, or names a mutant twice.
     """
     reasons: dict[str, str] = {}
     for rule in rules:

@@ -50,7 +50,7 @@ _BASE: Final = ("road", "ego", "vehicles", "tolerance", "directions")
 
 
 class CaseRow(Row):
-    """One scene with its answers: the keys of the file, of the scene and of the row, laid over each other."""
+    """One scene with its answers: the keys of the file, of the scene and of the row, merged."""
 
     scene: str
     row: str | None = None
@@ -72,7 +72,7 @@ class CaseRow(Row):
 
 
 def tables_of(rules: Sequence[Path]) -> list[Path]:
-    """The tables beside rule files: `highway.test.yaml` and `highway.*.test.yaml` for highway.pl."""
+    """Return the tables beside rule files: `highway.test.yaml` and `highway.*.test.yaml` for highway.pl."""
     return [
         table
         for rule in rules
@@ -82,7 +82,7 @@ def tables_of(rules: Sequence[Path]) -> list[Path]:
 
 
 def load_table(path: Path) -> list[Case]:
-    """The cases of a table.
+    """Return the cases of a table.
 
     Raises:
         UserError: the file cannot be read or does not describe scenes; the message names file, line and key.
@@ -91,7 +91,7 @@ def load_table(path: Path) -> list[Case]:
     unknown = [key for key in file.values if key not in (*_BASE, "scenes")]
     if unknown:
         raise file.error(
-            unknown[:1], f"{unknown[0]} is no key of a table; expected scenes, {', '.join(_BASE)}"
+            unknown[:1], f"{unknown[0]} is not a key of a table; expected scenes, {', '.join(_BASE)}"
         )
     scenes = file.values.get("scenes")
     if not isinstance(scenes, list) or not scenes:
@@ -124,7 +124,7 @@ def _checked_row(
 
 
 def laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested values of `base` with those of `over` on top; a vehicle's place along the road is one value."""
+    """Return the nested values of `base` updated by `over`; a vehicle's place along the road is one value."""
     result = dict(base)
     for key, value in over.items():
         below = result.get(key)
@@ -141,7 +141,7 @@ _PLACES: Final = {"ahead", "behind", "offset"}
 
 
 def _cases(file: YamlFile, row: CaseRow, place: Sequence[int | str]) -> Iterator[Case]:
-    """The case of a row in each direction of travel."""
+    """Yield the case of a row in each direction of travel."""
     where = f"{file.name}:{file.line(place)}"
     if EGO in row.vehicles:
         raise file.error([*place, "vehicles", EGO], f"vehicles: {EGO!r} is the ego's own name")
@@ -196,7 +196,7 @@ def _section_checks(sections: Mapping[Section, str | None]) -> Iterator[Check]:
 
 
 def _refuse_cut_goals(file: YamlFile, goals: object, place: Sequence[int | str]) -> None:
-    """A comma in a goal without quotes ends it for YAML, and leaves it without an answer."""
+    """Refuse a goal that YAML cut at a comma because it had no quotes."""
     for goal, answer in goals.items() if isinstance(goals, dict) else ():
         if answer is None:
             hint = "; between braces a goal with a comma needs quotes" if "(" in str(goal) else ""

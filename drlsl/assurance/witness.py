@@ -1,4 +1,4 @@
-"""For a mutant that the tables do not notice: a scene that would, made from theirs by small changes."""
+"""Search a scene that would notice a surviving mutant, by small changes of the tables' scenes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Box = TypeVar("_Box", bound=BoxRow)
 
 @dataclass(frozen=True)
 class Witness:
-    """A row for a table, the question to ask there, and the answers of the rules and of the mutant."""
+    """A row for a table, the question in it, and the answers of the rules and of the mutant."""
 
     row: str
     goal: str
@@ -42,11 +42,11 @@ class Search:
         self._noted: list[Any] = []
 
     def note(self) -> None:
-        """Remember the answers of the program as it is now."""
+        """Record the answers of the present program."""
         self._noted = [self._answer(scene, question) for _, scene, question in self._asked]
 
     def difference(self) -> Witness | None:
-        """The first scene in which the program as it is now answers otherwise than was noted."""
+        """Return the first scene in which the present program's answer differs from the recorded one."""
         for (staging, scene, question), noted in zip(self._asked, self._noted, strict=True):
             answer = self._answer(scene, question)
             if not alike(noted, answer, TOLERANCE):
@@ -54,7 +54,7 @@ class Search:
         return None
 
     def _answer(self, scene: Any, question: Question) -> list[Any]:
-        """The solutions as lists, so that they can be compared; an error as its message."""
+        """Return the solutions as lists, so that they can be compared; an error as its message."""
         try:
             found = self._asker.ask(scene, question)
         except WRONG as error:
@@ -72,7 +72,7 @@ def _words(answer: Sequence[Any]) -> str:
 
 
 def changed(stagings: Sequence[Staging]) -> list[Staging]:
-    """Scenes like these with other speeds, gaps and places, of two decimals; the same in every run."""
+    """Return scenes like these with other speeds, gaps and places, of two decimals; the same in every run."""
     chance = random.Random(SEED)
     return [_changed(chance, chance.choice(stagings)) for _ in range(SCENES)] if stagings else []
 
@@ -85,7 +85,7 @@ def _changed(chance: random.Random, staging: Staging) -> Staging:
 
 
 def _other(chance: random.Random, staging: Staging) -> VehicleRow:
-    """One more vehicle."""
+    """Return one more vehicle."""
     lanes = staging.road.lanes
     return VehicleRow(
         lane=chance.randint(1, lanes if isinstance(lanes, int) else len(lanes)),
@@ -96,7 +96,7 @@ def _other(chance: random.Random, staging: Staging) -> VehicleRow:
 
 
 def _moved(chance: random.Random, row: _Box) -> _Box:
-    """A box with some of its numbers changed, most of them little."""
+    """Return a box with some of its numbers changed, most of them slightly."""
     spreads = {"speed": 5.0, "shift": 0.5, "drift": 0.5, "ahead": 10.0, "behind": 10.0, "offset": 2.0}
     update = {}
     for name, spread in spreads.items():

@@ -1,4 +1,4 @@
-"""How fast the rules, the environments, training and the engine are; `drlsl bench` prints it."""
+"""The speed of the rules, the environments, training and the engine, for `drlsl bench`."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Whether one checkout is as fast as another: the same measurements in each, in turn, on one machine."""
+"""Compare the speed of two checkouts: the same measurements in each, in turn, on one machine."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from typing import Any, Final, TypeAlias
 from drlsl.errors import UserError
 
 Speeds: TypeAlias = Mapping[str, float]
-"""By name of what is measured, how fast it is; more is faster."""
+"""Speeds by the name of the measurement; higher is faster."""
 
 CONFIDENCE: Final = 0.95
-"""Of the interval that holds the median ratio."""
+"""Confidence of the interval of the median ratio."""
 
 QUERIES: Final = 5
-"""Queries of one measurement, as processes of their own."""
+"""Number of queries in one measurement, each a process of its own."""
 
 FOREIGN: Final = frozenset({"swipl", "pyswip"})
-"""Tiers of `drlsl bench rules` that are not in the checkout."""
+"""Tiers of `drlsl bench rules` that do not depend on the checkout."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How fast the new checkout is in one respect, in times of the old one: a ratio for each pair of runs."""
+    """The relative speed of the new checkout in one respect: a ratio for each pair of runs."""
 
     name: str
     ratios: tuple[float, ...]
@@ -42,9 +42,9 @@ class Comparison:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The narrowest interval between ratios, as far from either end, that holds the median surely enough.
+        """The narrowest symmetric interval between ratios that holds the median with `CONFIDENCE`.
 
-        With less than six pairs there is none of `CONFIDENCE`, and it is their range. Source: the sign test.
+        With fewer than six pairs there is none, and it is their range. Source: the sign test.
         """
         ratios, count = sorted(self.ratios), len(self.ratios)
         cut = 0
@@ -54,7 +54,7 @@ class Comparison:
 
 
 def _coverage(count: int, cut: int) -> float:
-    """How surely the median lies between two order statistics, `cut` from either end."""
+    """Return the confidence of the interval between two order statistics, `cut` from either end."""
     outside = sum(math.comb(count, below) for below in range(cut + 1))
     return 1 - math.ldexp(outside, 1 - count)
 
@@ -63,7 +63,7 @@ def compare_checkouts(old: Path, new: Path, what: Sequence[str], pairs: int) -> 
     """Measure both checkouts in turn, and yield a comparison of each number when its pairs are complete.
 
     Raises:
-        UserError: a folder is no checkout with a virtual environment, or a measurement fails there.
+        UserError: a folder is not a checkout with a virtual environment, or a measurement fails there.
     """
     programs = [_program(old), _program(new)]
     for name in what:
@@ -79,10 +79,10 @@ def compare_checkouts(old: Path, new: Path, what: Sequence[str], pairs: int) -> 
 
 
 def _program(checkout: Path) -> Path:
-    """The command of a checkout.
+    """Return the `drlsl` command of a checkout.
 
     Raises:
-        UserError: it is not there.
+        UserError: it does not exist.
     """
     program = checkout / ".venv" / "bin" / "drlsl"
     if not program.is_file():
@@ -91,7 +91,7 @@ def _program(checkout: Path) -> Path:
 
 
 def _run(program: Path, *arguments: str) -> str:
-    """What a command prints, run in its checkout on one thread.
+    """Return the output of a command, run in its checkout on one thread.
 
     Raises:
         UserError: it fails.
@@ -134,7 +134,7 @@ def _train(program: Path) -> Speeds:
 
 
 def _query(program: Path) -> Speeds:
-    """Queries a second of processor time, each a process of its own."""
+    """Return queries a second of processor time, each a process of its own."""
     state = str(program.parents[2] / "examples" / "scene.json")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     for _ in range(QUERIES):
@@ -150,4 +150,4 @@ MEASUREMENTS: Final[dict[str, Callable[[Path], Speeds]]] = {
     "train": _train,
     "query": _query,
 }
-"""What can be compared."""
+"""Measurements that can be compared."""

@@ -1,4 +1,4 @@
-"""How fast the engine is: inferences per second, and ten small programs, beside SWI-Prolog where it is there.
+"""The speed of the engine: inferences per second, and ten small programs, beside SWI-Prolog if installed.
 
 A logical inference is a call of a predicate, builtins such as is/2 included, as SWI-Prolog's statistics/2
 counts them. The numbers of inferences are fixed here, so that both systems are credited with the same work.
@@ -46,7 +46,7 @@ _SWI_TIMEOUT_S: Final = 300
 
 @dataclass(frozen=True)
 class Timing:
-    """One program's times [s], the median of several runs; None where SWI-Prolog is not installed."""
+    """One program's times [s], the median of several runs; None if SWI-Prolog is not installed."""
 
     program: str
     size: int
@@ -56,7 +56,7 @@ class Timing:
 
 
 def inferences_per_second(runs: int = 5) -> dict[str, float]:
-    """Logical inferences per second of the engine, and with the prefix ``swipl_`` of SWI-Prolog."""
+    """Return logical inferences per second of the engine and, with the prefix ``swipl_``, of SWI-Prolog."""
     cases = (
         ("nrev30_lips", "nrev", _NREV, _NREV_INFERENCES),
         ("fib_lips", "fib", _FIB, _FIB_INFERENCES),
@@ -75,7 +75,7 @@ def inferences_per_second(runs: int = 5) -> dict[str, float]:
 
 
 def program_times(runs: int = 3) -> list[Timing]:
-    """The times of the ten programs."""
+    """Return the times of the ten programs."""
     return [
         Timing(
             program,
@@ -89,7 +89,7 @@ def program_times(runs: int = 3) -> list[Timing]:
 
 
 def load(program: str, *, compiled: bool) -> Engine:
-    """An engine with one of the benchmark programs.
+    """Return an engine with one of the benchmark programs.
 
     Raises:
         FileNotFoundError: The programs are only in a checkout of the project, not in an installed package.
@@ -101,7 +101,7 @@ def load(program: str, *, compiled: bool) -> Engine:
 
 @contextmanager
 def rare_collections() -> Iterator[None]:
-    """Python's collector set to look for cycles less often, as suits a program that builds many terms."""
+    """Have Python's collector search for cycles less often, for programs that build many terms."""
     before = gc.get_threshold()
     gc.collect()
     gc.set_threshold(50_000, 20, 20)
@@ -112,7 +112,7 @@ def rare_collections() -> Iterator[None]:
 
 
 def _median(program: str, size: int, runs: int, *, compiled: bool) -> float:
-    """The median of the processor time [s] of a program's bench/2, after one run to compile it."""
+    """Return the median of the processor time [s] of a program's bench/2, after one run to compile it."""
     engine = load(program, compiled=compiled)
     query = engine.prepare(f"bench({size}, _)")
     times = []
@@ -127,7 +127,7 @@ def _median(program: str, size: int, runs: int, *, compiled: bool) -> float:
 
 
 def _swipl(program: str, size: int, runs: int) -> float | None:
-    """The same of SWI-Prolog, or None where it is not installed.
+    """Return the same median for SWI-Prolog, or None if it is not installed.
 
     Short programs are repeated within a run, since SWI-Prolog's clock ticks in milliseconds.
     """

@@ -1,8 +1,7 @@
 """A folder of Prolog programs, such as the set of van Roy, each timed beside SWI-Prolog in the same run.
 
-Each program is a file with a goal ``top`` (or ``main``) of no arguments. Two times are taken of each: that of
-the first call in a fresh engine, in which whatever is worth it gets compiled, and that of a call when it has
-been called before.
+Each program is a file with a goal ``top`` (or ``main``) without arguments. Two times are measured for each:
+that of the first call in a fresh engine, including compilation, and that of a repeated call.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from drlsl.logic import Engine, Limits, PrologError, Query
 
 _GOALS: Final = ("top", "main")
 _LONGEST_S: Final = 60.0
-# Repeated calls are measured over so much time, since clocks tick and one call may take a microsecond.
+# Repeated calls are measured over this time, since clocks tick and one call may take a microsecond.
 _MEASURED_S: Final = 0.15
 _WARM_UP_CALLS: Final = 3
 # SWI-Prolog's side: first and repeated time, and whether the goal holds, as the last line of standard error.
@@ -46,12 +45,12 @@ class Times:
     repeated: float
 
     SHORTEST: ClassVar[float] = 1e-7
-    """What counts as the least that a call can take [s], where a clock says 0."""
+    """Least time of a call [s], used if the clock measures 0."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A program's medians here and in SWI-Prolog; `problem` says why it is not rated, if so."""
+    """A program's medians here and in SWI-Prolog; `problem` is the reason if it is not rated."""
 
     program: str
     here: Times | None = None
@@ -60,7 +59,7 @@ class Comparison:
 
 
 def compare_folder(folder: Path, runs: int) -> Iterator[Comparison]:
-    """Time each program of a folder alternately here and in SWI-Prolog; the medians of several runs count.
+    """Time each program of a folder alternately here and in SWI-Prolog; yield the medians of the runs.
 
     Raises:
         FileNotFoundError: SWI-Prolog is not installed, or the folder has no programs.
@@ -75,7 +74,7 @@ def compare_folder(folder: Path, runs: int) -> Iterator[Comparison]:
 
 
 def geometric_mean(ratios: list[float]) -> float:
-    """The geometric mean of positive numbers."""
+    """Return the geometric mean of positive numbers."""
     return math.exp(statistics.fmean(map(math.log, ratios)))
 
 
@@ -89,7 +88,7 @@ def _compare(path: Path, runs: int) -> Comparison:
             here.append(times)
             swipl.append(_time_swipl(path, goal, options))
             if len(swipl) == 1 and swipl[0].holds is not times.holds:
-                # Old programs may rely on lists being made of '.'/2, as SWI-Prolog's are on request only.
+                # Old programs may need lists of '.'/2, which SWI-Prolog has only on request.
                 options = ("--traditional",)
                 swipl[0] = _time_swipl(path, goal, options)
     except (PrologError, LookupError) as error:

@@ -1,4 +1,4 @@
-"""How fast each tier of the rules answers what driving asks, beside SWI-Prolog where it is there."""
+"""The speed of each tier for the questions of driving, beside SWI-Prolog if installed."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ VEHICLES: Final = (5, 20, 40)
 BATCH: Final = 256
 _SCENES: Final = 64
 _LEAST_TIME: Final = 0.05
-"""Each run repeats what it measures for at least so long [s]."""
+"""Each run repeats its measurement for at least this time [s]."""
 
 Speeds = dict[str, dict[str, Any]]
 Ask = Callable[[Facts], object]
 
 
 def rule_speeds(runs: int) -> Speeds:
-    """Times of this machine, now, for highway.pl: medians of `runs` runs.
+    """Return times of this machine, now, for highway.pl: medians of `runs` runs.
 
-    `one_scene_ms`: by tier and number of vehicles, the facts of a scene replaced and the four queries asked;
-    by SWI-Prolog too, where it is on the path (swipl) or in this process (pyswip). `batch_us_per_scene`: by
-    tier, 256 scenes with 40 vehicles, their arrays ready.
+    `one_scene_ms`: by tier and number of vehicles, replacing the facts of a scene and running the four
+    queries; by SWI-Prolog, too, if it is on the path (swipl) or in this process (pyswip).
+    `batch_us_per_scene`: by tier, 256 scenes with 40 vehicles, their arrays ready.
     """
     engine = Engine()
     for path in default_rules():
@@ -76,7 +76,7 @@ def rule_speeds(runs: int) -> Speeds:
 
 
 def median_seconds(run: Callable[[], object], runs: int) -> float:
-    """The time that `run` takes: the median of several runs, each of them repeated for a while."""
+    """Return the time of `run`: the median of several runs, each of them repeated for a while."""
     run()
     times = []
     for _ in range(runs):
@@ -89,7 +89,7 @@ def median_seconds(run: Callable[[], object], runs: int) -> float:
 
 
 def six_lanes() -> tuple[Lane, ...]:
-    """Three lanes in each direction."""
+    """Return three lanes in each direction."""
     return tuple(
         Lane(
             number + 1,
@@ -103,7 +103,7 @@ def six_lanes() -> tuple[Lane, ...]:
 
 
 def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
-    """Scenes on a road with three lanes in each direction, every vehicle in radar range."""
+    """Return scenes on a road with three lanes in each direction, every vehicle in radar range."""
     rng = random.Random(seed)
     lanes = six_lanes()
     road = Road(lanes, 0.04, 100.0, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE)
@@ -124,7 +124,7 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
 
 
 def array_facts(scenes: SceneBatch, program: BatchProgram[Any]) -> dict[tuple[str, int], Any]:
-    """A batch on one road, in the order that the program reads uncopied, the facts of the road made ready."""
+    """Return the facts of a batch on one road, in the layout that the program reads uncopied."""
     ordered = np.asfortranarray if isinstance(program, TextProgram) else np.ascontiguousarray
     columns = [scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width]
     facts: dict[tuple[str, int], Any] = {
@@ -156,7 +156,7 @@ def _seconds_each(ask: Ask, scenes: Sequence[Facts], runs: int) -> float:
 
 
 def _array_programs(lowered: Lowered) -> Iterator[tuple[str, BatchProgram[Any]]]:
-    """The array tiers that this installation has, by name."""
+    """Yield the array tiers of this installation, by name."""
     yield "numpy", compile_numpy(lowered)
     yield "numpy_float32", compile_numpy(lowered, "float32")
     if find_spec("numba"):
@@ -192,7 +192,7 @@ ask :-
     forall(safe_actions(_), true), ignore(front_is_free), ignore(longitudinal_velocity(_)), ignore(state(_)).
 scene(Facts) :- forall(told(Any), retractall(Any)), forall(member(Fact, Facts), tell(Fact)), ask.
 """
-"""What SWI-Prolog does for one scene: as the interpreter, replace the facts and ask."""
+"""SWI-Prolog's work for one scene: like the interpreter, replace the facts and query."""
 
 _DRIVER: Final = """
 :- initialization(main, main).
@@ -202,7 +202,7 @@ main :- findall(Ms, ( between(1, %d, _), round(Ms) ), All), print(All), nl.
 
 
 def _swipl_milliseconds(swipl: str, scenes: Sequence[Facts], runs: int) -> float:
-    """The time of one scene in SWI-Prolog: the median round over all scenes, divided among them."""
+    """Return the time of one scene in SWI-Prolog: the median round over all scenes, divided among them."""
     lines = [f":- consult('{path}')." for path in default_rules()]
     lines.extend(f"facts([{', '.join(_terms(facts))}])." for facts in scenes)
     with tempfile.TemporaryDirectory() as folder:
@@ -213,7 +213,7 @@ def _swipl_milliseconds(swipl: str, scenes: Sequence[Facts], runs: int) -> float
 
 
 def _pyswip() -> list[tuple[str, Ask]]:
-    """SWI-Prolog in this process, where its Python bridge is installed."""
+    """Return SWI-Prolog in this process, if its Python bridge is installed."""
     if not find_spec("pyswip"):
         return []
     from pyswip import Prolog

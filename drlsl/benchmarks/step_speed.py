@@ -1,4 +1,4 @@
-"""How fast the environments are, beside highway-env where it is there."""
+"""The speed of the environments, beside highway-env if it is installed."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _LENGTH: Final = 420.0
 _FRAMES: Final = 1500
 _DRAWS: Final = 997
 _WARM_UP: Final = 2000
-"""Steps before measuring: entries that were searched are known from then on."""
+"""Steps before measuring, to fill the cache of entries."""
 
 
 def env_speeds(runs: int) -> dict[str, Any]:
-    """Environment steps a second of this machine, now, on one core: medians of `runs` runs.
+    """Return environment steps a second of this machine, now, on one core: medians of `runs` runs.
 
     `steps_per_s`: by the number of environments, with the rules, control, reward and resets, in traffic of 40
-    vehicles; any offered action is taken. `highway_env`: one environment of highway-env with 40
-    vehicles, simulated and asked at 25 Hz, where it is installed; its vehicles are simulated, ours recorded.
+    vehicles; any offered action is taken. `highway_env`: one environment of highway-env, if installed, with
+    40 vehicles, simulated and acting at 25 Hz; its vehicles are simulated, ours recorded.
     """
     recording = steady_traffic()
     speeds: dict[str, Any] = {"steps_per_s": {}}
@@ -55,9 +55,9 @@ def env_speeds(runs: int) -> dict[str, Any]:
 
 
 def steady_traffic() -> Recording:
-    """A recording in which every frame has 40 vehicles: three lanes each way, each lane at its own speed.
+    """Return a recording with 40 vehicles in every frame: three lanes each way, each at its own speed.
 
-    Who reaches the end of the stretch is followed by a new vehicle at its beginning.
+    A vehicle that reaches the end of the stretch is replaced by a new one at its beginning.
     """
     lanes = six_lanes()
     columns: list[list[np.ndarray[Any, np.dtype[Any]]]] = []

@@ -1,4 +1,4 @@
-"""How fast training goes, beside its bare updates, those of a plain module, and Stable-Baselines3's DQN."""
+"""The speed of training, beside its bare updates, a plain module's, and Stable-Baselines3's DQN."""
 
 import importlib
 import importlib.util
@@ -34,18 +34,18 @@ PLAIN: Final = "drlsl.learning.architectures:mlp"
 """The paper's network as a plain module."""
 
 Turn = Callable[[], int]
-"""Makes about `UPDATES` updates and gives how many."""
+"""Makes about `UPDATES` updates and returns their number."""
 
 
 def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
-    """Updates a second on one CPU thread, medians of `runs` runs in turn; preset paper, `num_envs` at a time.
+    """Return updates a second on one CPU thread with preset paper: medians of `runs` runs in turn.
 
-    `updates_per_s`: a training with dqnsl, all included, one update per step. `bare_updates_per_s`: the same
-    update on a minibatch that lies ready, without environment, replay memory and acting. `ratio`: of the
-    former to the latter. `module_updates_per_s`: bare updates of the same network as a plain module, by
-    autograd; `module_ratio`: how many times as long one takes. `stable_baselines3_updates_per_s`: its DQN,
-    where installed, with the same network, batch, optimiser and number of updates per step, in as many
-    environments, whose shield answers for it.
+    `updates_per_s`: training with dqnsl as a whole, `num_envs` environments, one update per step.
+    `bare_updates_per_s`: the same update on a ready minibatch, without environment, replay memory and acting.
+    `ratio`: of the former to the latter. `module_updates_per_s`: bare updates of the same network as a plain
+    module, by autograd; `module_ratio`: the ratio of their times. `stable_baselines3_updates_per_s`: its DQN,
+    if installed, with the same network, batch, optimiser and number of updates per step, in as many
+    environments, whose shield replaces its unsafe actions.
     """
     config = make_config(
         merged(preset_values("paper"), {"num_envs": num_envs, "device": "cpu", "episodes": 10_000_000}),
@@ -76,7 +76,7 @@ def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
 
 
 def _run(kinds: Mapping[str, Turn]) -> dict[str, float]:
-    """Updates a second of each kind."""
+    """Return updates a second of each kind."""
     made, taken = Counter[str](), Counter[str]()
     for _ in range(TURNS):
         for name, turn in kinds.items():
@@ -90,7 +90,7 @@ def _bare(env: VectorHighway, config: TrainConfig) -> Turn:
     agent, replay = make_learner(env.single_observation_space, env.single_action_space, config)
     size, count = space_sizes(env.single_observation_space, env.single_action_space)
     rng, rows = np.random.default_rng(0), config.learning.batch_size
-    # Transitions out of thin air: an update takes as long whatever they tell.
+    # Random transitions: the time of an update does not depend on their values.
     replay.add(
         observations=rng.random((rows, size), np.float32),
         actions=rng.integers(count, size=rows),
@@ -157,7 +157,7 @@ def _stable_baselines3(config: TrainConfig) -> Turn:
 
 
 class _Shielded(gymnasium.Wrapper[Any, np.int64, Any, np.int64]):
-    """Drives something safe in place of what is not, so that episodes last as long as with a shield."""
+    """Replaces unsafe actions by safe ones, so that episodes last as long as with a shield."""
 
     env: Any
 

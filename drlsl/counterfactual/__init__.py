@@ -1,4 +1,4 @@
-"""What would have to change for an action to be offered, or no longer."""
+"""The least changes of a scene for an action to be offered, or no longer."""
 
 import lazy_loader
 

@@ -1,9 +1,9 @@
-"""What would have to be different for an action to be offered, or not to be: the least change of a scene.
+"""Find the least change of a scene for which an action is offered, or not offered.
 
-One quantity of one vehicle is left open at a time, its place along the road or its speed, or the ego's speed;
-all else is as it is in the scene. The lowered rules, the same that `drlsl rules verify` proves properties of,
-then are a formula in one unknown, and the solver narrows down the least change that fulfils it. What is
-reported is a round number just beyond, in which the interpreter has confirmed the other decision.
+One quantity of one vehicle is left open at a time: its place along the road, its speed, or the ego's speed;
+all else stays as in the scene. The lowered rules, the same that `drlsl rules verify` proves properties of,
+are then a formula in one unknown, and the solver bounds the least change that satisfies it. The reported
+change is a round number just beyond, for which the interpreter has confirmed the other decision.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ from drlsl.verify.smt import Bool, NotTranslatable
 Status: TypeAlias = Literal["found", "none", "unknown"]
 
 PRECISION: Final = Fraction(1, 10**6)
-"""How narrowly the least change is closed in [m or m/s]."""
+"""Width of the final bounds on the least change [m or m/s]."""
 
 TIME_LIMIT: Final = 10.0
-"""Seconds for one action, if not said otherwise."""
+"""Default time limit for one action [s]."""
 
 _OVERSHOOT: Final = Fraction(1, 20)
-"""A change is rounded to so few decimals that it is at most this share above the least."""
+"""Largest share by which rounding may increase a change."""
 
 _DIGITS: Final = (1, 2, 3, 4, 6, 9)
 _COARSE: Final = 3
-"""From so many decimals on the overshoot does not matter."""
+"""Number of decimals from which on the overshoot does not matter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Change:
     out_of_sight: bool
 
     def as_json(self) -> dict[str, Any]:
-        """The change, with the field of a scene file that it is a change of."""
+        """Return the change, with the field of a scene file that it changes."""
         return {
             "vehicle": self.vehicle,
             "field": "x_m" if self.quantity == "x" else "vx_mps",
@@ -83,10 +83,10 @@ class Change:
 class Finding:
     """The least change of one kind: `found`, `none` at all, or `unknown` for a reason.
 
-    `changes` are confirmed: the interpreter decides otherwise in `scene`, which has them. `least` [m or m/s]
-    is what the sum of the changes' amounts cannot be below; the changes are as little above it as rounding
-    makes them. With `found` a `reason` says what is not known of lesser changes: that the search for them was
-    broken off, or that the rules may raise an error there.
+    `changes` are confirmed: the interpreter decides differently in `scene`, which has them. `least` [m or
+    m/s] is a lower bound of the sum of the changes' amounts, which exceed it only by rounding. With `found`,
+    a `reason` says why lesser changes are not excluded: the search for them was broken off, or the rules may
+    raise an error there.
     """
 
     status: Status
@@ -96,7 +96,7 @@ class Finding:
     reason: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """All but the scene."""
+        """Return all fields but the scene."""
         return {
             "status": self.status,
             "changes": [change.as_json() for change in self.changes],
@@ -107,12 +107,12 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What would have to change for an action that is offered not to be, or for another to be offered.
+    """The least changes for an offered action not to be offered, or for another action to be offered.
 
     `gap` is one vehicle elsewhere along the road, `speed` one at another speed, `ego_speed` the ego at
-    another speed. `gap_without_passing`, asked where `gap` takes a vehicle past the ego, is one that stays in
-    front or behind. `gaps`, asked where an action is not offered and no single vehicle's place would change
-    that, is several vehicles elsewhere, by the least sum of metres. What is not asked is None.
+    another speed. `gap_without_passing`, searched if `gap` takes a vehicle past the ego, is one that stays in
+    front or behind. `gaps`, searched if an action is not offered and no single vehicle's place would change
+    that, is several vehicles elsewhere, by the least sum of metres. A kind that was not searched is None.
     """
 
     action: Action
@@ -124,7 +124,7 @@ class Answer:
     gaps: Finding | None
 
     def findings(self) -> dict[str, Finding | None]:
-        """What was found, by kind."""
+        """Return the findings, by kind."""
         return {
             "gap": self.gap,
             "gap_without_passing": self.gap_without_passing,
@@ -134,7 +134,7 @@ class Answer:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """The answer as JSON's values, with the same keys always."""
+        """Return the answer as JSON's values, always with the same keys."""
         found = self.findings().items()
         return {
             "offered": self.offered,
@@ -149,11 +149,11 @@ def what_if(
     *,
     time_limit: float = TIME_LIMIT,
 ) -> list[Answer]:
-    """The least changes of `scene` for each action, each action in `time_limit` seconds.
+    """Return the least changes of `scene` for each action, each action in `time_limit` seconds.
 
-    Vehicles in radar range change, one at a time. They keep their lane and y, and speeds their direction:
-    from 0 to the highest of `RANGES`. Nobody is moved to where it touches a vehicle that it does not touch
-    already, and nobody farther than out of radar range.
+    Vehicles in radar range change, one at a time. They keep their lane and y, and the sign of their speed:
+    from 0 to the highest of `RANGES`. No vehicle is moved to where it touches another that it does not touch
+    already, or farther than just out of radar range.
 
     Raises:
         UserError: the rules cannot be lowered, or offer an action that the agent does not know; or two
@@ -177,7 +177,7 @@ def what_if(
 
 @dataclass(frozen=True, slots=True)
 class _Rules:
-    """A rule program with its actions lowered: the condition of each, and a function that answers."""
+    """A rule program with its actions lowered: the condition of each, and generated code to answer."""
 
     shield: Shield
     lowered: LoweredAnswer
@@ -186,7 +186,7 @@ class _Rules:
 
     @classmethod
     def of(cls, shield: Shield) -> _Rules:
-        """Lower the rules of a shield; raises UserError where that cannot be."""
+        """Lower the rules of a shield; raise UserError if that is impossible."""
         try:
             lowered = lower(shield.engine, SCHEMA, [Query("safe_actions", 1, "all")])
         except NotLowerable as reason:
@@ -194,8 +194,8 @@ class _Rules:
         (answer,) = lowered.answers
         if answer.choices is None:
             raise UserError(
-                "a what-if needs rules that can be lowered: the actions of safe_actions/1 must stand in the "
-                "program, not be computed"
+                "a what-if needs rules that can be lowered: the actions of safe_actions/1 must be written in "
+                "the program, not computed"
             )
         conditions = {
             action_of_atom(atom.name if isinstance(atom, Atom) else atom): condition
@@ -204,7 +204,7 @@ class _Rules:
         return cls(shield, answer, conditions, compile_scalar(lowered))
 
     def offers(self, scene: Scene, action: Action) -> bool:
-        """Whether the rules offer an action, by generated code where it can tell.
+        """Return whether the rules offer an action, by generated code if it can decide.
 
         Raises:
             RuleFailure: the rules give no usable answer.
@@ -221,9 +221,9 @@ class _Rules:
 
 @dataclass(frozen=True, slots=True)
 class _Least:
-    """Changes that a question asks for, and a sum of changes up to which there are none.
+    """Changes that answer a question, and a sum of changes up to which there are none.
 
-    The two are as close as the precision says, unless the search has `stopped` for a reason.
+    The two are as close as the precision, unless the search has `stopped` for a reason.
     """
 
     question: Question
@@ -233,19 +233,19 @@ class _Least:
 
     @property
     def high(self) -> Fraction:
-        """What the changes come to."""
+        """The sum of the changes."""
         return sum(map(abs, self.amounts), Fraction(0))
 
     @property
     def least(self) -> float:
-        """What no change is below, [m] or [m/s], with 6 decimals."""
-        # other levers were only asked for changes that are smaller by more than the precision
+        """The lower bound of the changes, [m] or [m/s], with 6 decimals."""
+        # other levers were only searched for changes that are smaller by more than the precision
         proved = self.low if self.stopped else max(Fraction(0), self.high - PRECISION)
         return round(math.floor(proved / PRECISION) * float(PRECISION), 6)
 
 
 class _Search:
-    """Looks for the least changes that make a decision about one action another."""
+    """Searches the least changes that alter the decision about one action."""
 
     def __init__(
         self, rules: _Rules, scene: OpenScene, action: Action, offered: bool, deadline: float
@@ -265,7 +265,7 @@ class _Search:
         )
 
     def answer(self) -> Answer:
-        """What was found."""
+        """Return the findings of all kinds."""
         scene = self._scene
         cars = sorted(scene.in_range(), key=lambda car: abs(car.x - scene.ego.x))
         gap = self._sought([(place_lever(scene, car),) for car in cars])
@@ -282,19 +282,19 @@ class _Search:
         )
 
     def _passes(self, gap: Finding) -> bool:
-        """Whether a change takes a vehicle past the ego."""
+        """Return whether a change takes a vehicle past the ego."""
         ego = self._scene.ego.x
         return any((change.before - ego) * (change.after - ego) < 0 for change in gap.changes)
 
     def _joint(self) -> Finding | None:
-        """The least change of the places of all vehicles that object; None where it is not they who do."""
+        """Return the least change of the places of all objecting vehicles; None if no vehicles object."""
         objecting = self._objecting()
         if len(objecting) < 2:
             return None
         return self._sought([tuple(place_lever(self._scene, car) for car in objecting)])
 
     def _objecting(self) -> list[Vehicle]:
-        """Vehicles without which the action would be offered, each of them needed for that; else none."""
+        """Return the vehicles that jointly prevent the action, each of them needed for it; else none."""
         cars = self._scene.in_range()
         away = {car.id for car in cars}
         if not self._offered_without(away):
@@ -309,10 +309,10 @@ class _Search:
         try:
             return self._rules.offers(replace(self._scene, vehicles=left), self._action)
         except RuleFailure:
-            return False  # as on the road: where rules fail, no lane change is offered
+            return False  # as on the road: if rules fail, no lane change is offered
 
     def _sought(self, groups: Sequence[tuple[Lever, ...]]) -> Finding:
-        """The least change of all levers of any one group."""
+        """Return the least change of all levers of any one group."""
         try:
             best = self._best(self._flipped, groups)
             trouble = self._best(self._undecided, groups, None if best is None else best.high)
@@ -333,7 +333,7 @@ class _Search:
         return best
 
     def _least(self, question: Question, below: Fraction | None) -> _Least | None:
-        """The least change, if there is one that is clearly less than `below`."""
+        """Return the least change, if there is one that is clearly less than `below`."""
         most = sum((max(-lever.low, lever.high) for lever in question.levers), Fraction(0))
         if below is not None:
             most = min(most, below - PRECISION)
@@ -355,7 +355,7 @@ class _Search:
     # ------------------------------------------------------------ confirmation
 
     def _confirmed(self, best: _Least, reservation: str) -> Finding:
-        """The change in round numbers, if the interpreter confirms it."""
+        """Return the change in round numbers, if the interpreter confirms it."""
         levers = best.question.levers
         for amounts in _rounded(best):
             if best.question.allows(amounts):
@@ -367,11 +367,11 @@ class _Search:
 
     def _why_unconfirmed(self, best: _Least) -> str:
         if self._open.only(self._flipped, []).op == "true":
-            return "the scene is at a rounding limit: exact numbers decide otherwise about it as it is"
+            return "the scene is at a rounding limit: exact numbers change its decision"
         return f"the solver finds a change of {float(best.high):.6g}, which the rules do not confirm"
 
     def _is_other(self, scene: Scene) -> bool:
-        """Whether the interpreter decides otherwise about the action."""
+        """Return whether the interpreter decides differently about the action."""
         try:
             decision = self._rules.shield.decide(scene)
         except RuleFailure:
@@ -398,9 +398,9 @@ class _Search:
 
 
 def _rounded(best: _Least) -> Iterator[list[Fraction]]:
-    """The changes rounded up to few decimals, then to more, at last as they are."""
+    """Yield the changes rounded up to few decimals, then to more, and finally exact."""
     signs = [(amount > 0) - (amount < 0) if abs(amount) > PRECISION else 0 for amount in best.amounts]
-    # A scene at the very limit needs hardly any change, and the solver's may be none.
+    # A scene exactly at a limit needs hardly any change, and the solver's may be 0.
     ways = [signs] if any(signs) else [[1], [-1]] if len(signs) == 1 else []
     for digits in _DIGITS:
         step = Fraction(1, 10**digits)

@@ -1,4 +1,4 @@
-"""A known scene with its numbers open: what rules say of it where vehicles are elsewhere, or faster."""
+"""A known scene with some numbers open: formulas of the rules for other places and speeds of vehicles."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from drlsl.verify.smt import (
 Quantity: TypeAlias = Literal["x", "vx"]
 
 BEYOND: Final = Fraction(1)
-"""How far out of radar range a vehicle may be moved [m]: farther makes no difference."""
+"""Distance out of radar range to which a vehicle may be moved [m]: farther makes no difference."""
 
 
 class GaveUp(Exception):
-    """The solver does not know; the message says why."""
+    """The solver did not decide; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lever:
-    """A number that may change: one more adds `sign` to it; the change lies between `low` and `high`."""
+    """A number that may change: an amount of 1 adds `sign`; the amount is between `low` and `high`."""
 
     vehicle: str
     quantity: Quantity
@@ -47,14 +47,14 @@ class Lever:
 
 
 def place_lever(scene: Scene, car: Vehicle) -> Lever:
-    """A vehicle's place along the road [m], forward for the ego, as far as just out of radar range."""
+    """Return the lever of a vehicle's x [m], forward for the ego, up to just out of radar range."""
     sign, offset = _offset(scene, car)
     reach = _exact(scene.road.radar_range) + BEYOND
     return Lever(car.id, "x", sign, -reach - offset, reach - offset)
 
 
 def place_lever_on_its_side(scene: Scene, car: Vehicle) -> Lever:
-    """The same for a vehicle that does not pass the ego: its centre stays in front, or behind."""
+    """Return the same lever for a vehicle that does not pass the ego: its centre stays ahead or behind."""
     lever = place_lever(scene, car)
     _, offset = _offset(scene, car)
     if offset > 0:
@@ -63,7 +63,7 @@ def place_lever_on_its_side(scene: Scene, car: Vehicle) -> Lever:
 
 
 def speed_lever(scene: Scene, car: Vehicle) -> Lever:
-    """A vehicle's speed in its direction [m/s], from 0 to the highest of `RANGES`."""
+    """Return the lever of a vehicle's speed in its direction [m/s], from 0 to the highest of `RANGES`."""
     sign = _heading(car, scene.road, _heading(scene.ego, scene.road, 1))
     speed = sign * _exact(car.vx)
     _, highest = RANGES["ego_speed" if car is scene.ego else "speed"]
@@ -71,7 +71,7 @@ def speed_lever(scene: Scene, car: Vehicle) -> Lever:
 
 
 def changed(scene: Scene, levers: Sequence[Lever], amounts: Sequence[Fraction]) -> Scene:
-    """The scene with its levers moved by these amounts."""
+    """Return the scene with its levers moved by these amounts."""
     cars = {car.id: car for car in (scene.ego, *scene.vehicles)}
     for lever, amount in zip(levers, amounts, strict=True):
         car = cars[lever.vehicle]
@@ -81,17 +81,17 @@ def changed(scene: Scene, levers: Sequence[Lever], amounts: Sequence[Fraction]) 
 
 
 def _exact(number: float) -> Fraction:
-    """A float as the decimal fraction that it prints as, which is what formulas take it for."""
+    """Return a float as the decimal fraction that it is printed as, which is its value in formulas."""
     return Fraction(repr(number))
 
 
 def _offset(scene: Scene, car: Vehicle) -> tuple[int, Fraction]:
-    """The sign of x that is forward for the ego, and how far a vehicle's centre is ahead of it [m]."""
+    """Return the sign of x that is forward for the ego, and how far a vehicle is ahead of it [m]."""
     return scene.forward, scene.forward * (_exact(car.x) - _exact(scene.ego.x))
 
 
 def _heading(car: Vehicle, road: Road, otherwise: int) -> int:
-    """Which way a vehicle drives along x: by its motion, or if it stands, by its lane."""
+    """Return the sign of a vehicle's direction along x: by its motion or, at standstill, by its lane."""
     if car.vx:
         return 1 if car.vx > 0 else -1
     lane = road.lane(car.lane)
@@ -100,7 +100,7 @@ def _heading(car: Vehicle, road: Road, otherwise: int) -> int:
 
 @dataclass(slots=True)
 class _Frame:
-    """What a solver is told besides a question: nothing but the algebra's own definitions."""
+    """The solver's constraints besides a question: only the algebra's own definitions."""
 
     algebra: Algebra
     always: list[Bool] = field(default_factory=list)
@@ -108,12 +108,12 @@ class _Frame:
     usual: dict[int, tuple[int, Fraction]] = field(default_factory=dict)
 
     def tidy(self) -> list[Bool]:
-        """Nothing is asked of a scene that is known."""
+        """Return no constraints: the scene is known."""
         return []
 
 
 class OpenScene:
-    """A scene in which every lever is open at once: rules over it become formulas a single time."""
+    """A scene in which every lever is open at once, so that rules become formulas only once."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -140,22 +140,22 @@ class OpenScene:
         self._formula = Formula(self.algebra, self._facts())
 
     def solver(self, levers: int) -> Solver:
-        """What answers questions about so many levers."""
+        """Return the solver for questions about that number of levers."""
         return self._solvers[levers == 1]
 
     def change(self, lever: Lever) -> Polynomial:
-        """The unknown by which a lever is moved."""
+        """Return the unknown of a lever's change."""
         return self._changes[lever.vehicle, lever.quantity]
 
     def moved(self, lever: Lever, change: Polynomial) -> Polynomial:
-        """The number that a lever is about, moved by `change`."""
+        """Return a lever's number, moved by `change`."""
         ring = self.algebra.ring
         car = next(car for car in self._cars if car.id == lever.vehicle)
         before = self.algebra.number(getattr(car, lever.quantity))
         return ring.add(before, ring.scale(change, Fraction(lever.sign)))
 
     def truth(self, node: Node) -> Bool:
-        """What the rules say, whatever the levers do."""
+        """Return the formula of a condition of the rules, for all levers."""
         return self._formula.truth(node)
 
     # ---------------------------------------------------------------- facts
@@ -181,7 +181,7 @@ class OpenScene:
         return Row(true, tuple(map(column, kinds, row)))
 
     def _open_row(self, car: Vehicle, row: Row) -> Row:
-        """A vehicle's row with what may change of it; it is there while it is in radar range."""
+        """Return a vehicle's row with its levers open; the row holds while it is in radar range."""
         columns = list(row.columns)
         columns[Vehicle._fields.index("vx")] = self._numbers[car.id, "vx"]
         if car is self.scene.ego:
@@ -200,12 +200,12 @@ class OpenScene:
     # ---------------------------------------------------------------- some levers at a time
 
     def only(self, truth: Bool, levers: Sequence[Lever]) -> Bool:
-        """A formula where all levers but these are left as they are."""
+        """Return a formula with all levers but these left unchanged."""
         algebra = self.algebra
         kept = {_number(self.change(lever)) for lever in levers}
         result = _Restriction(algebra, {n for n in range(self._levers) if n not in kept}).of(truth)
         if any(_unknowns(leaf) - set(range(self._levers)) for leaf in leaves([result])):
-            # a root or a quotient that is an unknown by itself is defined for all levers
+            # a root or quotient that is an unknown of its own is defined for all levers
             still = [
                 algebra.equal(change, algebra.zero)
                 for change in self._changes.values()
@@ -215,7 +215,7 @@ class OpenScene:
         return result
 
     def apart(self, numbers: Mapping[tuple[str, Quantity], Polynomial]) -> Bool:
-        """Vehicles that are moved to these places touch none but those that they touch in the scene."""
+        """Return the condition that moved vehicles touch none but those that they touch in the scene."""
         algebra, ring = self.algebra, self.algebra.ring
         parts = []
         for one, other in self._pairs({vehicle for vehicle, quantity in numbers if quantity == "x"}):
@@ -226,7 +226,7 @@ class OpenScene:
         return algebra.booleans.and_(parts)
 
     def _pairs(self, movable: set[str]) -> Iterator[tuple[Vehicle, Vehicle]]:
-        """Pairs of vehicles that do not touch, but may when some move along the road."""
+        """Yield pairs of vehicles that do not touch, but may when some move along the road."""
         for number, one in enumerate(self._cars):
             for other in self._cars[number + 1 :]:
                 if one.id in movable or other.id in movable:
@@ -238,7 +238,7 @@ class OpenScene:
 
 
 class _Restriction:
-    """Formulas with some unknowns put to 0."""
+    """Formulas with some unknowns set to 0."""
 
     def __init__(self, algebra: Algebra, gone: set[int]) -> None:
         self._algebra = algebra
@@ -246,7 +246,7 @@ class _Restriction:
         self._done: dict[Bool, Bool] = {}
 
     def of(self, truth: Bool) -> Bool:
-        """The formula that is left."""
+        """Return the remaining formula."""
         if truth not in self._done:
             self._done[truth] = self._make(truth)
         return self._done[truth]
@@ -256,7 +256,7 @@ class _Restriction:
         if truth.op == "not":
             return booleans.not_(self.of(truth.args[0]))
         if truth.op in ("and", "or"):
-            # what comes behind the part that decides is not looked at
+            # parts behind the deciding one are skipped
             dominant = booleans.const(truth.op == "or")
             parts = []
             for arg in truth.args:
@@ -276,27 +276,27 @@ class _Restriction:
         for monomial, factor in polynomial.terms.items():
             powers = [power for unknown, power in monomial if unknown in self._gone]
             if any(power < 0 for power in powers):
-                raise NotTranslatable("a quotient by what may change stands in a comparison")
+                raise NotTranslatable("a comparison holds a quotient by a changing number")
             if not powers:
                 kept[monomial] = factor
         return self._algebra.ring.make(kept)
 
 
 def _number(unknown: Polynomial) -> int:
-    """The number of the unknown that a polynomial is."""
+    """Return the number of the unknown that the polynomial consists of."""
     ((((number, _),), _),) = unknown.terms.items()
     return number
 
 
 def _unknowns(leaf: Bool) -> set[int]:
-    """The numbers of the unknowns that a comparison speaks of."""
+    """Return the numbers of the unknowns in a comparison."""
     if leaf.op == "flag":
         return set()
     return {unknown for monomial in leaf.data.terms for unknown, _ in monomial}
 
 
 class Question:
-    """How little some levers can be moved for a formula to hold."""
+    """The search for the smallest amounts of some levers for which a formula holds."""
 
     def __init__(self, scene: OpenScene, truth: Bool, levers: Sequence[Lever]) -> None:
         algebra = scene.algebra
@@ -326,7 +326,7 @@ class Question:
         return {(lever.vehicle, lever.quantity): self._scene.moved(lever, change) for lever, change in pairs}
 
     def amounts(self, most: Fraction, deadline: float) -> list[Fraction] | None:
-        """Changes for which the formula holds, no more than `most` together; None where there are none.
+        """Return amounts for which the formula holds, with a sum of at most `most`; None if there are none.
 
         Raises:
             GaveUp: the solver does not know, or has no time left.
@@ -347,7 +347,7 @@ class Question:
         return [outcome.model.numbers.get(_number(change), Fraction(0)) for change in self._changes]
 
     def _within(self, most: Fraction) -> Bool:
-        """The changes come to no more than `most`, whichever way they go."""
+        """Return the condition that the amounts add up to at most `most`, whatever their signs."""
         algebra, ring = self._scene.algebra, self._scene.algebra.ring
         total = algebra.zero
         parts = []
@@ -357,7 +357,7 @@ class Question:
         return algebra.booleans.and_([*parts, algebra.at_least(ring.const(most), total)])
 
     def allows(self, amounts: Sequence[Fraction]) -> bool:
-        """Whether the levers can be moved so far."""
+        """Return whether the levers allow these amounts."""
         within = all(
             lever.low <= amount <= lever.high for lever, amount in zip(self.levers, amounts, strict=True)
         )

@@ -148,7 +148,7 @@ def test_processes_share_the_work(program: Path) -> None:
     ("name", "message"),
     [
         ("far/1 clause 1: D > 30 ==> D < 30", "t:1 actions notices it"),
-        ("far/1 clause 1: D > 31 ==> D < 31", "which there is not; did you mean 'far/1 clause 1: D > 30"),
+        ("far/1 clause 1: D > 31 ==> D < 31", "which does not exist; did you mean 'far/1 clause 1: D > 30"),
     ],
 )
 def test_a_reason_for_what_is_no_survivor_is_an_error(program: Path, name: str, message: str) -> None:

@@ -107,7 +107,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
         ("", "scenes: expected a list of scenes"),
         ("scenes: 1", ":1: scenes: expected a list of scenes"),
         ("scenes: []", ":1: scenes: expected a list of scenes"),
-        ("scene: []", ":1: scene is no key of a table; expected scenes"),
+        ("scene: []", ":1: scene is not a key of a table; expected scenes"),
         ("scenes:\n  - scene: a\n    actions: [keep]\n  - scene: b\n", ":4: b: expects nothing"),
         (
             "scenes:\n  - scene: a\n    actions: [keep, up]\n",
@@ -116,7 +116,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
         ("scenes:\n  - actions: [keep]\n", ":2: scene is missing"),
         (
             "scenes:\n  - scene: a\n    ego: {lane: 1, sped: 3}\n    actions: []",
-            ":3: ego.sped is no key of a table",
+            ":3: ego.sped is not a key of a table",
         ),
         ("scenes:\n  - scene: a\n    ego: {lane: 4}\n    actions: []", ":2: a: the road has no lane 4 here"),
         (
