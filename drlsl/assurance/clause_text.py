@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from drlsl.logic import Engine
-from drlsl.logic.core import BUILTIN_ARGUMENTS, Clause
+from drlsl.logic.core import GOAL_ARGUMENTS, Clause
 from drlsl.logic.syntax import (
     FRACTION,
     INTEGER,
@@ -121,7 +121,7 @@ class ClauseText:
             else:
                 call = self._call(part)
                 yield call
-                inner = BUILTIN_ARGUMENTS.get((first[1], len(call.arguments)), ())
+                inner = GOAL_ARGUMENTS.get((first[1], len(call.arguments)), ())
                 for index in inner:
                     yield from self._goals(call.arguments[index])
 

@@ -16,7 +16,7 @@ from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
 from drlsl.logic.builtins import split_clause
-from drlsl.logic.core import BUILTIN_ARGUMENTS, Clause, callable_parts
+from drlsl.logic.core import GOAL_ARGUMENTS, Clause, callable_parts
 from drlsl.logic.syntax import ReadTerm
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, deref
 
@@ -127,7 +127,7 @@ class Instrumented:
             return self._then(term, text)
         if (name, len(args)) in (("\\+", 1), ("not", 1)):
             return self._negation(term, text)
-        inner = BUILTIN_ARGUMENTS.get((name, len(args)), ())
+        inner = GOAL_ARGUMENTS.get((name, len(args)), ())
         if not inner:
             return term
         return Struct(name, tuple(self._body(arg, text) if n in inner else arg for n, arg in enumerate(args)))

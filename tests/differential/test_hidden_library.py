@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drlsl.logic import Engine, PrologError
-from drlsl.logic.core import CONTROL_ARGUMENTS, CONTROL_BUILTINS, builtin_indicators
+from drlsl.logic.core import CONTROL_BUILTINS, builtin_indicators
 from drlsl.logic.loading import library
 from drlsl.logic.loading.consult import STANDARD
 from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar
@@ -21,7 +21,7 @@ SCHEMA = Schema([SPEED])
 ASK = Query("ask", 0, "holds")
 
 QUALIFIED = (":", 2)  # before a head it is the name of a module, and the clause is one of what follows
-CONTROL = sorted({*CONTROL_BUILTINS, *CONTROL_ARGUMENTS} - {QUALIFIED})
+CONTROL = sorted({*CONTROL_BUILTINS, ("|", 2)} - {QUALIFIED})
 OTHERS = sorted({*builtin_indicators(), *GOALS, *library().exports} - {*CONTROL, QUALIFIED})
 
 

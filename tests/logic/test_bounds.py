@@ -32,6 +32,8 @@ forever :- forever.
 deeper :- deeper, p(_).
 choosy :- member(_, [1, 2, 3]), choosy.
 growing(L) :- growing([x|L]).
+doubled(0, fail) :- !.
+doubled(N, (G, G)) :- M is N - 1, doubled(M, G).
 bind(L) :- L = [_|T], keep(T).
 keep(T) :- bind(T).
 keep(_).
@@ -70,6 +72,10 @@ EXHAUSTING = [
     ("\\+ forever", Limits(inferences=5_000), "inferences"),
     ("maplist([_]>>forever, [a])", Limits(inferences=5_000), "inferences"),
     ("phrase(endless, _)", Limits(inferences=500), "inferences"),
+    ("doubled(60, G), call(G)", Limits(seconds=0.2), "seconds"),
+    ("doubled(60, G), \\+ \\+ G", Limits(seconds=0.2), "seconds"),
+    ("doubled(60, G), assertz((kept :- G))", Limits(seconds=0.2), "seconds"),
+    ("doubled(60, G), findall(x, ( G -> true ; G ), _)", Limits(seconds=0.2), "seconds"),
 ]
 
 

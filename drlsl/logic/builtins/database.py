@@ -11,6 +11,7 @@ from typing import Final
 
 from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators, unqualified
 from drlsl.logic.core import (
+    CONNECTIVES,
     CONTROL_BUILTINS,
     DET_BUILTINS,
     NONDET_BUILTINS,
@@ -23,12 +24,14 @@ from drlsl.logic.core import (
     check_body,
     copy_term,
     det,
+    joined,
     nondet,
     run_deep,
     undo,
     unify,
 )
 from drlsl.logic.errors import existence_error, permission_error, representation_error, type_error
+from drlsl.logic.limits import Meter
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, is_acyclic
 
 # Trying a clause takes as long as so many steps of a walk.
@@ -46,7 +49,7 @@ def name_term(name: str, arity: int) -> Struct:
     return Struct("/", (Atom(name), arity))
 
 
-def split_clause(term: Term) -> tuple[Term, Term]:
+def split_clause(term: Term, meter: Meter | None = None) -> tuple[Term, Term]:
     """The head and the body of a clause; a variable as a goal becomes ``call(Variable)``.
 
     Raises:
@@ -58,8 +61,10 @@ def split_clause(term: Term) -> tuple[Term, Term]:
     if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
         head, body = unqualified(term.args[0]), deref(term.args[1])
     callable_parts(head)
-    check_body(body)
-    return head, run_deep(_with_calls(body)) if type(body) is not Atom else body
+    goals = joined(body, meter)
+    check_body(goals, body)
+    has_variable = any(type(goal) is Var for goal in goals)
+    return head, run_deep(_with_calls(body)) if has_variable else body
 
 
 def _with_calls(body: Term) -> Deep[Term]:
@@ -79,7 +84,7 @@ def _with_calls_inside(goal: Term) -> Deep[Term]:
     goal = deref(goal)
     if type(goal) is Var:
         return Struct("call", (goal,))
-    if type(goal) is Struct and len(goal.args) == 2 and goal.name in (",", ";", "->", "*->"):
+    if type(goal) is Struct and len(goal.args) == 2 and goal.name in CONNECTIVES:
         left = yield _with_calls(goal.args[0])
         right = yield _with_calls(goal.args[1])
         return Struct(goal.name, (left, right))
@@ -90,7 +95,7 @@ def _new_clause(machine: Caller, term: Term) -> Clause:
     copied = copy_term(term, meter=machine.meter)
     if not is_acyclic(copied):
         raise representation_error("acyclic_term")
-    head, body = split_clause(copied)
+    head, body = split_clause(copied, machine.meter)
     return Clause(head, body)
 
 

@@ -12,10 +12,28 @@ from functools import partial
 from typing import Any, Final
 
 from drlsl.logic.core.clauses import Clause
-from drlsl.logic.core.nesting import Deep, run_deep
-from drlsl.logic.errors import PrologError, instantiation_error, resource_error, type_error
+from drlsl.logic.core.goal_tree import (
+    CLAUSE,
+    FAILURE,
+    SUCCEED,
+    Barrier,
+    Call,
+    Conjunction,
+    Cut,
+    Derived,
+    Disjunction,
+    Findall,
+    Goal,
+    IfThenElse,
+    Negation,
+    NotCallable,
+    Opaque,
+    Truth,
+    goal_tree,
+)
+from drlsl.logic.errors import resource_error, type_error
 from drlsl.logic.limits import Meter
-from drlsl.logic.terms import TRUE, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
+from drlsl.logic.terms import TRUE, Struct, Term, Var, deref
 
 HEIGHT: Final = 0
 CONTINUATION: Final = 1
@@ -29,13 +47,6 @@ _LARGEST_PATTERN: Final = 2_000
 # A pattern that would make more cells than this, each time that its clause is used, is refused.
 _MOST_CELLS: Final = 2_000_000
 _STEPS_OF_SHELL: Final = 10
-_OPAQUE: Final = frozenset({"call", "once", "ignore", "\\+", "not"})
-_FAIL: Final = Atom("fail")
-_CONNECTIVES: Final = frozenset({",", ";", "->", "*->"})
-# After so many control constructs, a body is looked at, to be sure that it has an end.
-_MANY: Final = 20_000
-# A goal's node takes as much time and room as so many cells of a list.
-_CELLS_OF_GOAL: Final = 4
 
 
 class Local:
@@ -326,196 +337,117 @@ def _inner_first(root: Pattern) -> list[Pattern]:
 
 
 class BodyCompiler:
-    """Turns the body of one clause, or one goal to call, into nodes.
+    """Turns the goals of one clause, or one goal to call, into nodes.
 
     `link` fills in the node of a goal that is no control construct: what its name and arity stand for.
     With `slots` None the goal is called as it stands: its variables are the caller's own.
     """
 
     def __init__(
-        self,
-        link: Callable[[Node, str, int], None],
-        slots: Slots | None,
-        clause: Clause | None = None,
-        meter: Meter | None = None,
+        self, link: Callable[[Node, str, int], None], slots: Slots | None, clause: Clause | None = None
     ) -> None:
         self._link = link
         self._slots = slots
         self._clause = clause
-        self._meter = meter
-        self._body: Term = TRUE
+        self._heights: dict[Barrier, tuple[int, int]] = {CLAUSE: (HEIGHT, 0)}
         self.barriers = 0
 
-    def compile(self, body: Term, following: Node = PROCEED_NODE) -> Node:
-        """The nodes of a body that go on to `following`.
+    def compile(self, body: Goal) -> Node:
+        """The nodes of a body.
 
         Raises:
             PrologTypeError: The body is not callable. Source: ISO 13211-1, 7.6.2.
-            CyclicTerm: The body has no end.
         """
-        check_body(body)
-        self._body = body
-        node = self._goal(body, following, HEIGHT, 0)
-        return node if type(node) is Node else run_deep(node)  # type: ignore[arg-type]
+        if type(body) is NotCallable:
+            raise type_error("callable", body.term)
+        # From the last goal to the first, since a node needs the one that follows it. What is still to do is
+        # a goal, or what to make of the nodes of the goals behind it.
+        following = PROCEED_NODE
+        if type(body) is Call:
+            return self._call(body.name, body.args, following)
+        todo: list[Goal | _Step] = [body]
+        while todo:
+            goal = todo.pop()
+            kind = type(goal)
+            if kind is Call:
+                following = self._call(goal.name, goal.args, following)  # type: ignore[union-attr]
+            elif kind is Conjunction:
+                todo += goal.goals  # type: ignore[union-attr]
+            elif kind is _Step:
+                following = goal.take(following)  # type: ignore[union-attr]
+            else:
+                following = self._control(goal, following, todo)  # type: ignore[arg-type]
+        return following
 
     def frame_size(self) -> int:
         """How many slots a frame needs behind the continuation; final once everything is compiled."""
         return (0 if self._slots is None else self._slots.size) + self.barriers
 
-    def _barrier(self) -> int:
-        # Barriers lie behind the variables, whose number is only known at the end: count them down from -1.
-        self.barriers += 1
-        if self.barriers == _MANY and not is_acyclic(self._body):
-            raise CyclicTerm("the body contains itself")
-        if self._meter is not None:
-            self._meter.make(_CELLS_OF_GOAL)
-        return -self.barriers
-
-    def _goal(self, goal: Term, following: Node, cut: int, above: int) -> Node | Deep[Node]:
-        """The nodes of one goal; a cut in it cuts back to the height in slot `cut` plus `above`.
-
-        Those of a control construct are the result of the generator that is returned, so that constructs
-        nest as deep as they will.
-        """
-        goal = deref(goal)
-        if type(goal) is Struct:
-            arity = len(goal.args)
-            if arity == 2:
-                if goal.name == ",":
-                    return self._conjunction(goal, following, cut, above)
-                if goal.name == ";":
-                    return self._alternatives(goal, following, cut, above)
-                if goal.name == "->":
-                    return self._branch(goal.args[0], goal.args[1], FAIL_NODE, following, cut, above)
-                if goal.name == "*->":
-                    return self._soft(goal, following, cut, above)
-            elif arity == 1 and goal.name in _OPAQUE:
-                return self._opaque(goal, following, cut, above)
-        elif type(goal) is Atom:
-            if goal is TRUE:
-                return following
-            if goal.name == "!":
-                node = Node(CUT, following, self._clause)
-                node.slot = cut
-                node.target = above
+    def _control(self, goal: Goal, following: Node, todo: list[Goal | _Step]) -> Node:
+        """The node that a control construct goes on with; what comes before it is `todo`."""
+        match goal:
+            case Truth(holds):
+                return following if holds else FAIL_NODE
+            case Cut(barrier):
+                return self._cut(CUT, barrier, following)
+            case Disjunction(first, second):
+                node = Node(EITHER, None, self._clause)
+                todo += (_Step(node, None), first, _Step(node, following), second)
+            case IfThenElse(condition, then, otherwise, soft, barrier):
+                self._branch(todo, following, condition, then, otherwise, barrier, soft=soft)
+            case Negation(inner, barrier):
+                self._branch(todo, following, inner, FAILURE, SUCCEED, barrier)
+            case Opaque(inner, barrier):
+                # A soft condition leaves the choice points of the goal.
+                self._branch(todo, following, inner, SUCCEED, FAILURE, barrier, soft=True)
+            case Derived(_, meaning):
+                todo.append(meaning)
+            case Findall(_, _, _, _, term):
+                return self._call("findall", term.args, following)
+            case NotCallable(term):
+                node = Node(RAISE, FAIL_NODE, self._clause)
+                node.args = self._patterns((term,))
                 return node
-            if goal.name in ("fail", "false"):
-                return FAIL_NODE
-        return self._call(goal, following)
-
-    def _soft(self, goal: Struct, following: Node, cut: int, above: int) -> Deep[Node]:
-        then = self._goal(goal.args[1], following, cut, above)
-        if type(then) is not Node:
-            then = yield then
-        node: Node = yield self._condition(goal.args[0], then)
-        return node
-
-    def _opaque(self, goal: Struct, following: Node, cut: int, above: int) -> Node | Deep[Node]:
-        """A control construct that calls its argument, in place: cuts in the argument are local to it."""
-        inner = deref(goal.args[0])
-        if _has_variable_goal(inner):
-            # What the variable is bound to by then is part of the goal, a cut included (7.6.2).
-            if goal.name == "call":
-                return self._call(goal, following)
-            inner = Struct("call", (inner,))
-        try:
-            check_body(inner)
-        except PrologError:
-            # Only an error once it is reached.
-            node = Node(RAISE, FAIL_NODE, self._clause)
-            node.function = partial(type_error, "callable", inner)
-            return node
-        if goal.name == "call":
-            return self._condition(inner, following)
-        if goal.name == "once":
-            return self._branch(inner, TRUE, FAIL_NODE, following, cut, above)
-        if goal.name == "ignore":
-            return self._branch(inner, TRUE, following, following, cut, above)
-        return self._branch(inner, _FAIL, following, FAIL_NODE, cut, above)
-
-    def _conjunction(self, goal: Struct, following: Node, cut: int, above: int) -> Deep[Node]:
-        goals: list[Term] = []
-        todo: list[Term] = [goal]
-        while todo:
-            part = deref(todo.pop())
-            if type(part) is Struct and part.name == "," and len(part.args) == 2:
-                todo.extend((part.args[1], part.args[0]))
-            else:
-                goals.append(part)
-        if self._meter is not None:
-            self._meter.make(_CELLS_OF_GOAL * len(goals))
-        for part in reversed(goals):
-            node = self._goal(part, following, cut, above)
-            following = node if type(node) is Node else (yield node)
         return following
 
-    def _alternatives(self, goal: Struct, following: Node, cut: int, above: int) -> Deep[Node]:
-        node: Node
-        left = deref(goal.args[0])
-        other = self._goal(goal.args[1], following, cut, above)
-        if type(other) is not Node:
-            other = yield other
-        if type(left) is Struct and len(left.args) == 2:
-            if left.name == "->":
-                node = yield self._branch(left.args[0], left.args[1], other, following, cut, above)
-                return node
-            if left.name == "*->":
-                then = self._goal(left.args[1], following, cut, above)
-                if type(then) is not Node:
-                    then = yield then
-                node = yield self._soft_branch(left.args[0], then, other)
-                return node
-        first = self._goal(left, following, cut, above)
-        node = Node(EITHER, first if type(first) is Node else (yield first), self._clause)
-        node.other = other
-        return node
-
     def _branch(
-        self, condition: Term, then: Term, other: Node, following: Node, cut: int, above: int
-    ) -> Deep[Node]:
-        """If-then-else, where `other` is compiled already; a cut in the condition is local to it."""
-        after = self._goal(then, following, cut, above)
-        if type(after) is not Node:
-            after = yield after
-        node: Node = yield self._test(CUT, condition, after, other)
-        return node
-
-    def _soft_branch(self, condition: Term, then: Node, other: Node) -> Deep[Node]:
-        return self._test(SOFT_CUT, condition, then, other)
-
-    def _test(self, commit_by: int, condition: Term, then: Node, other: Node) -> Deep[Node]:
-        """A condition whose first solution leads to `then`, and that has `other` if there is none."""
+        self,
+        todo: list[Goal | _Step],
+        following: Node,
+        condition: Goal,
+        then: Goal,
+        otherwise: Goal,
+        barrier: Barrier,
+        *,
+        soft: bool = False,
+    ) -> None:
+        """If-then-else: the nodes of `otherwise`, of `then`, and of the condition before it."""
+        # Barriers lie behind the variables, whose number is only known at the end: count them down from -1.
+        self.barriers += 1
         node = Node(BRANCH, None, self._clause)
-        node.slot = self._barrier()
-        node.other = other
-        commit = Node(commit_by, then, self._clause)
+        node.slot = -self.barriers
+        commit = Node(SOFT_CUT if soft else CUT, None, self._clause)
         commit.slot = node.slot
         commit.target = 0
-        if commit_by == SOFT_CUT:
-            commit.other = other
-        first = self._goal(condition, commit, node.slot, 1)
-        node.next = first if type(first) is Node else (yield first)
+        # A cut in the condition leaves the choice point for `otherwise`.
+        self._heights[barrier] = node.slot, 1
+        todo += (_Step(node, None), condition, _Step(commit, None), then, _Step(node, following), otherwise)
+
+    def _cut(self, op: int, barrier: Barrier, following: Node) -> Node:
+        node = Node(op, following, self._clause)
+        node.slot, node.target = self._heights[barrier]
         return node
 
-    def _condition(self, goal: Term, following: Node) -> Deep[Node]:
-        """A goal to whose inside cuts are local, and that leaves its choice points."""
-        return self._soft_branch(goal, following, FAIL_NODE)
+    def _patterns(self, args: tuple[Term, ...]) -> tuple[Any, ...]:
+        slots = self._slots
+        return args if slots is None else tuple([make_pattern(arg, slots) for arg in args])
 
-    def _call(self, goal: Term, following: Node) -> Node:
-        if type(goal) is Var:
-            goal = Struct("call", (goal,))
+    def _call(self, name: str, args: tuple[Term, ...], following: Node) -> Node:
         node = Node(CALL, following, self._clause)
-        if type(goal) is Struct:
-            node.name = goal.name
-            slots = self._slots
-            if slots is None:
-                node.args = goal.args
-            else:
-                node.args = tuple(make_pattern(arg, slots) for arg in goal.args)
-        elif type(goal) is Atom:
-            node.name = goal.name
-        self._link(node, node.name, len(node.args))
-        cells = sum(part.cells for part in node.args if type(part) is DeepPattern)
+        node.name = name
+        node.args = self._patterns(args)
+        self._link(node, name, len(args))
+        cells = sum([part.cells for part in node.args if type(part) is DeepPattern])
         if not cells:
             return node
         before = Node(DET, node, self._clause)
@@ -523,61 +455,32 @@ class BodyCompiler:
         return before
 
 
+class _Step:
+    """What to make of the nodes of the goals just compiled.
+
+    With `following` they are what a node has as the `other` way, and `following` is what comes behind the
+    goals that are next; without it they come behind the node.
+    """
+
+    __slots__ = ("following", "node")
+
+    def __init__(self, node: Node, following: Node | None) -> None:
+        self.node = node
+        self.following = following
+
+    def take(self, nodes: Node) -> Node:
+        """Link the nodes; returns what follows the goals that are compiled next."""
+        if self.following is None:
+            self.node.next = nodes
+            return self.node
+        self.node.other = nodes
+        return self.following
+
+
 def _make_cells(cells: int, machine: Any) -> bool:
     """Account for the large terms that a goal is about to be called with."""
     machine.meter.make(cells)
     return True
-
-
-def check_body(body: Term) -> None:
-    """Make sure that a term can be a body: callable, and so is what its control constructs join.
-
-    Raises:
-        PrologTypeError: ``type_error(callable, Body)``. Source: ISO 13211-1, 7.6.2.
-        CyclicTerm: The body has no end.
-    """
-    for part in _joined(body):
-        if type(part) is not Atom and type(part) is not Var and type(part) is not Struct:
-            raise type_error("callable", body)
-
-
-def _has_variable_goal(body: Term) -> bool:
-    """Whether a body has a variable where a goal belongs."""
-    return any(type(part) is Var for part in _joined(body))
-
-
-def _joined(body: Term) -> list[Term]:
-    """What the control constructs of a body join, dereferenced."""
-    joined: list[Term] = []
-    todo = [body]
-    met = 0
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Struct and len(term.args) == 2 and term.name in _CONNECTIVES:
-            todo.extend(term.args)
-            met += 1
-            if met == _MANY and not is_acyclic(body):
-                raise CyclicTerm("the body contains itself")
-        else:
-            joined.append(term)
-    return joined
-
-
-def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:
-    """The name and the arguments of a goal.
-
-    Raises:
-        InstantiationError: The goal is a variable.
-        PrologTypeError: The goal is no callable term.
-    """
-    goal = deref(goal)
-    if type(goal) is Struct:
-        return goal.name, goal.args
-    if type(goal) is Atom:
-        return goal.name, ()
-    if type(goal) is Var:
-        raise instantiation_error()
-    raise type_error("callable", goal)
 
 
 def compile_clause(
@@ -594,6 +497,9 @@ def compile_clause(
         if type(arg) is Struct:
             slots.reuse(position)
         head.append((position, make_pattern(arg, slots, slots.first)))
-    compiler = BodyCompiler(link, slots, clause)
-    body = compiler.compile(clause.body)
-    return Code(tuple(head), [None] * (compiler.frame_size() - len(args)), body)
+    size, body = slots.size, PROCEED_NODE
+    if clause.body is not TRUE:
+        compiler = BodyCompiler(link, slots, clause)
+        body = compiler.compile(goal_tree(clause.body, meter=meter))
+        size = compiler.frame_size()
+    return Code(tuple(head), [None] * (size - len(args)), body)

@@ -39,14 +39,15 @@ from drlsl.logic.core.body import (
 )
 from drlsl.logic.core.body import FAIL as FAIL_OP
 from drlsl.logic.core.builtin_table import QUICK
+from drlsl.logic.core.goal_tree import goal_tree
 from drlsl.logic.core.head_matching import arguments, match, match_row
 from drlsl.logic.core.host import Host
 from drlsl.logic.core.unification import UndoCall, compact, copy_term, excerpt, undo, unify
-from drlsl.logic.errors import PrologError, representation_error, resource_error
+from drlsl.logic.errors import PrologError, representation_error, resource_error, type_error
 from drlsl.logic.limits import LimitExceeded as LimitExceeded
 from drlsl.logic.limits import Limits as Limits
 from drlsl.logic.limits import Meter, exceeded
-from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, Atom, CyclicTerm, Struct, Term, Var
 
 if TYPE_CHECKING:
     from drlsl.logic.core.clauses import Clause, Predicate
@@ -209,8 +210,8 @@ class Machine:
 
     def call(self, goal: Term, continuation: Task) -> Task:
         """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
-        compiler = BodyCompiler(self.engine.linker.link, None, meter=self.meter)
-        node = compiler.compile(deref(goal))
+        compiler = BodyCompiler(self.engine.linker.link, None)
+        node = compiler.compile(goal_tree(goal, meter=self.meter))
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
 
     def _handle(self, error: PrologError) -> Task:
@@ -677,7 +678,7 @@ def run(machine: Machine, task: Task) -> Task:
                 node = node.next
                 continue
             elif op == RAISE:
-                raise node.function()
+                raise type_error("callable", arguments(node.args, frame)[0])
             else:
                 following = _call_builtin(machine, node, frame)
             while following[0] is not run:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from drlsl.logic.core import CALL, CONTROL, DET, QUICK, Resolver, check_body, term_variables
+from drlsl.logic.core import CALL, CONTROL, DET, QUICK, Resolver, check_body, joined, term_variables
 from drlsl.logic.errors import PrologError
 from drlsl.logic.jit.code_writer import Function, Module, Scope, build, ensure, is_atom
 from drlsl.logic.jit.fact_rows import emit_row_match
@@ -84,7 +84,7 @@ class BodyEmitter:
     def emit_clause(self, place: Place, clause: Any, height: Var) -> None:
         """Emit a clause's body; cuts in it cut back to the height in the local of `height`."""
         self._clause = clause
-        check_body(clause.body)
+        check_body(joined(clause.body), clause.body)
         self._sequence(place, conjuncts(with_cuts(clause.body, Struct("$cut", (height, 0)))), height)
 
     # ------------------------------------------------------------------ sequences
@@ -613,7 +613,7 @@ def _can_inline(goal: Term) -> bool:
     if type(goal) is Var:
         return False
     try:
-        check_body(goal)
+        check_body(joined(goal), goal)
     except PrologError:
         return False
     return True

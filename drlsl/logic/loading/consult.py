@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from drlsl.logic.builtins import indicators, items, name_term, split_clause, unqualified
 from drlsl.logic.core import (
-    CONTROL_ARGUMENTS,
     CONTROL_BUILTINS,
     Clause,
     Host,
@@ -74,7 +73,7 @@ _MOST_NESTED: Final = 100  # files that name files that name files
 STANDARD: Final = frozenset(
     entry
     for line in (
-        "true/0 fail/0 !/0 ,/2 ;/2 ->/2 *->/2 call/1 call/2 call/3 call/4 call/5 call/6 call/7 call/8",
+        "true/0 fail/0 !/0 ,/2 ;/2 |/2 ->/2 *->/2 call/1 call/2 call/3 call/4 call/5 call/6 call/7 call/8",
         "catch/3 throw/1 =/2 \\=/2 unify_with_occurs_check/2 subsumes_term/2 var/1 nonvar/1 atom/1",
         "number/1 integer/1 float/1 atomic/1 compound/1 callable/1 ground/1 @=</2 ==/2 \\==/2 @</2 @>/2",
         "@>=/2 compare/3 functor/3 arg/3 =../2 copy_term/2 term_variables/2 is/2 =:=/2 =\\=/2 </2 =</2 >/2",
@@ -256,7 +255,7 @@ class Loader:
 
     def _add(self, clause: Clause, read: ReadTerm) -> None:
         key = _indicator(clause.head)
-        if f"{key[0]}/{key[1]}" in STANDARD or key in CONTROL_BUILTINS or key in CONTROL_ARGUMENTS:
+        if f"{key[0]}/{key[1]}" in STANDARD or key in CONTROL_BUILTINS:
             refusal = permission_error("modify", "static_procedure", name_term(*key))
             raise _CommaBefore(refusal.term) if key == (",", 2) else refusal
         predicate = self._engine.program.get(*key)
