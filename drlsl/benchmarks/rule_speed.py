@@ -126,9 +126,8 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
 def array_facts(scenes: SceneBatch, program: BatchProgram[Any]) -> dict[tuple[str, int], Any]:
     """Return the facts of a batch on one road, in the layout that the program reads uncopied."""
     ordered = np.asfortranarray if isinstance(program, TextProgram) else np.ascontiguousarray
-    columns = [scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width]
     facts: dict[tuple[str, int], Any] = {
-        ("vehicle", 8): Rows([None, *map(ordered, columns)], ordered(scenes.valid)),
+        ("vehicle", 8): Rows([None, *map(ordered, scenes.columns)], ordered(scenes.valid)),
         ("target_lane", 1): Rows([scenes.target_lane]),
     }
     for (name, arity), rows in road_facts(scenes.roads[0]).items():

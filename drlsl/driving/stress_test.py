@@ -14,10 +14,9 @@ from drlsl.driving.config import EnvConfig
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, World, in_direction, playbacks_of
-from drlsl.traffic import Recording
+from drlsl.traffic import Floats, Recording
 
 Actions: TypeAlias = npt.NDArray[np.int64]
-Floats: TypeAlias = npt.NDArray[np.float64]
 Policy: TypeAlias = Callable[[World, Floats], Actions]
 """Chooses for each ego one of the offered actions, given numbers (N, 3) drawn from [0, 1)."""
 

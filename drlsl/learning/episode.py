@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from drlsl.driving.simulation import TERMS
 from drlsl.learning.config import Method
+from drlsl.traffic import Mask
 
-Mask = NDArray[np.bool_]
 ActionFilter = Callable[[Mask], Mask]
 """From the actions that the rules derive to be safe, the offered ones. Shape: (N, A) to (N, A)."""
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import as_arrays, as_tensors
-from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, EpisodeTally, Mask, episode_seed
+from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, EpisodeTally, episode_seed
+from drlsl.traffic import Mask
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drlsl.learning import moving_average
-
-Floats = NDArray[np.float64]
+from drlsl.traffic import Floats
 
 LEVEL: Final = 0.95
 """Share of the resamples that an interval holds."""

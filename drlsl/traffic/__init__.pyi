@@ -1,3 +1,4 @@
+from .arrays import NUMBERS, Floats, Integers, Mask
 from .cache import cache_folder
 from .generate import PRESETS, find_preset, simulate
 from .highd_writer import check_folder, write_highd
@@ -10,9 +11,13 @@ from .tracks import Tracks, lanes_of_rows, pack
 
 __all__ = [
     "BUNDLED",
+    "NUMBERS",
     "PRESETS",
     "Direction",
+    "Floats",
+    "Integers",
     "Lane",
+    "Mask",
     "Recording",
     "RecordingReport",
     "Spread",

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
+from drlsl.traffic.arrays import Floats, Mask
 from drlsl.traffic.files import ENCODING, UNREADABLE, open_text, unreadable
-from drlsl.traffic.recording import Floats, Mask
 
 
 class Kind(Enum):

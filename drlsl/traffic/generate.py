@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 
 from drlsl.errors import UserError
+from drlsl.traffic.arrays import Floats
 from drlsl.traffic.highd_writer import HighdContent
-from drlsl.traffic.recording import Floats, VehicleClass
+from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.road import Direction
 from drlsl.traffic.tracks import Tracks
 

@@ -17,7 +17,8 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.recording import Floats, VehicleClass
+from drlsl.traffic.arrays import Floats
+from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.tracks import Tracks
 
 RECORDING_FILE = re.compile(r"\d+_(tracks|tracksMeta|recordingMeta)\.csv(\.gz|\.xz)?")

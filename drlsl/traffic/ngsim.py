@@ -15,9 +15,10 @@ import numpy.typing as npt
 import pandas as pd
 
 from drlsl.errors import UserError
+from drlsl.traffic.arrays import Floats
 from drlsl.traffic.columns import COMMAS, Kind, Layout, read_columns, read_header
 from drlsl.traffic.ngsim_road import fit_lanes, straighten
-from drlsl.traffic.recording import Dropped, Floats, Recording, VehicleClass
+from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.sources import Format, Source
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, segment_starts, without_duplicates
 

@@ -8,18 +8,13 @@ from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
+from drlsl.traffic.arrays import NUMBERS, Floats, Ids, LaneIds, Mask
 from drlsl.traffic.road import Direction, Lane
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Ids: TypeAlias = npt.NDArray[np.int32]
-LaneIds: TypeAlias = npt.NDArray[np.int16]
-Mask: TypeAlias = npt.NDArray[np.bool_]
 
 NO_VEHICLE = -1
 """`Frames.vehicle` and `Frames.first` of an empty slot."""
@@ -32,7 +27,7 @@ EMPTY_SLOT: Mapping[str, float] = MappingProxyType(
     {
         "vehicle": NO_VEHICLE,
         "lane": OFF_LANE,
-        **dict.fromkeys(("x", "y", "vx", "vy", "length", "width"), math.nan),
+        **dict.fromkeys(NUMBERS, math.nan),
         "first": NO_VEHICLE,
         "valid": False,
     }
@@ -215,7 +210,7 @@ def _slot_problems(recording: Recording) -> Iterator[str]:
     frames, valid = recording.frames, recording.frames.valid
     if ((frames.vehicle >= 0) != valid).any() or (frames.vehicle[~valid] != NO_VEHICLE).any():
         yield "`vehicle` must be an id >= 0 exactly where `valid` is true"
-    for name in ("x", "y", "vx", "vy", "length", "width"):
+    for name in NUMBERS:
         values = getattr(frames, name)
         if not np.isfinite(values[valid]).all():
             yield f"`{name}` is not finite for some vehicle"

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.traffic.recording import OFF_LANE, Dropped, Floats, Frames, LaneIds, Mask, Recording, VehicleClass
+from drlsl.traffic.arrays import Floats, LaneIds, Mask
+from drlsl.traffic.recording import OFF_LANE, Dropped, Frames, Recording, VehicleClass
 
 ENTRANCE = 15.0
 """A vehicle first seen with its rear more than this [m] into the stretch has appeared mid-road."""

@@ -11,11 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, Floats, Frames, Ids, LaneIds
+from drlsl.traffic.arrays import NUMBERS, Floats, Ids, LaneIds
+from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, Frames
 from drlsl.traffic.road import Lane
-
-FLOAT_COLUMNS = ("x", "y", "vx", "vy", "length", "width")
-"""The columns of measurements, in Tracks and in Frames."""
 
 ROUNDING = 1e-6
 """Slack [m] at the borders of a lane, so that none falls between two lanes that touch."""
@@ -57,7 +55,7 @@ def without_duplicates(tracks: Tracks) -> tuple[Tracks, npt.NDArray[np.int64], t
     repeat[1:] = (np.diff(ordered.vehicle) == 0) & (np.diff(ordered.frame) == 0)
     kept = np.maximum.accumulate(np.where(repeat, 0, np.arange(len(ordered))))
     same = np.ones(len(ordered), dtype=np.bool_)
-    for name in FLOAT_COLUMNS:
+    for name in NUMBERS:
         values = getattr(ordered, name)
         same &= values == values[kept]
     dropped = (
@@ -111,7 +109,7 @@ def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
         lane=spread("lane", lane, np.int16),
         first=spread("first", np.repeat(first_frame, lengths), np.int32),
         valid=vehicle != NO_VEHICLE,
-        **{column: spread(column, getattr(tracks, column), np.float64) for column in FLOAT_COLUMNS},
+        **{column: spread(column, getattr(tracks, column), np.float64) for column in NUMBERS},
     )
 
 

@@ -19,8 +19,8 @@ from drlsl.traffic import (
     load_recording,
     recording_report,
 )
+from drlsl.traffic.arrays import Mask
 from drlsl.traffic.generate import HARDEST_BRAKING
-from drlsl.traffic.recording import Mask
 
 HIGHWAYS = ("highway-train", "highway-test")
 NAMES = (*HIGHWAYS, "freeway")

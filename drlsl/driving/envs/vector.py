@@ -17,11 +17,9 @@ from drlsl.driving.scene import Action
 from drlsl.driving.shield import OBSERVATION_SIZE, Shield
 from drlsl.driving.simulation import TERMS, Playback, StepResult, World, in_direction, load_playbacks
 from drlsl.errors import UserError
+from drlsl.traffic import Floats, Integers, Mask
 
 Observations: TypeAlias = npt.NDArray[np.float32]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Floats: TypeAlias = npt.NDArray[np.float64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
 
 
 class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):

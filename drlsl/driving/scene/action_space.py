@@ -8,14 +8,13 @@ bool, though Python counts it among the integers: it comes from a mask, not from
 from __future__ import annotations
 
 import reprlib
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.scene.actions import ATOMS, Action
-
-Integers: TypeAlias = npt.NDArray[np.int64]
+from drlsl.traffic import Integers
 
 COUNT: Final = len(Action)
 KNOWN: Final = ", ".join(f"{number} {atom}" for number, atom in enumerate(ATOMS))

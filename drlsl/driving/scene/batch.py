@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.scene.facts import SCHEMA
 from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
 from drlsl.driving.scene.rows import copied, put_rows
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import NUMBERS, Floats, Integers, Mask
 
 EGO_ID: Final = -1
 """`SceneBatch.id` of the ego; other vehicles have ids >= 0."""
@@ -46,11 +42,15 @@ class SceneBatch:
     def __len__(self) -> int:
         return len(self.road)
 
+    @property
+    def columns(self) -> tuple[Integers, Floats, Floats, Floats, Floats, Floats, Floats]:
+        """The columns of `vehicle/8` behind the name, in order."""
+        return (self.lane, self.x, self.y, self.vx, self.vy, self.length, self.width)
+
     def scene(self, index: int) -> Scene:
         """Return one scene of the batch; vehicle 12 is called v12."""
         rows = np.flatnonzero(self.valid[index]).tolist()
-        columns = (self.id, self.lane, self.x, self.y, self.vx, self.vy, self.length, self.width)
-        ids, *numbers = (column[index][rows].tolist() for column in columns)
+        ids, *numbers = (column[index][rows].tolist() for column in (self.id, *self.columns))
         names = [EGO if vehicle == EGO_ID else f"v{vehicle}" for vehicle in ids]
         ego, *others = map(Vehicle, names, *numbers)
         return Scene(self.roads[int(self.road[index])], ego, tuple(others), int(self.target_lane[index]))
@@ -67,7 +67,7 @@ class SceneBatch:
         conform = SCHEMA.relations["vehicle", 8].conform
         rows = [conform((scene.ego, *scene.in_range())) for scene in scenes]
         slots = max(map(len, rows))
-        numbers = np.zeros((6, len(rows), slots))
+        numbers = np.zeros((len(NUMBERS), len(rows), slots))
         lane = np.zeros((len(rows), slots), dtype=np.int64)
         valid = np.zeros((len(rows), slots), dtype=np.bool_)
         for n, vehicles in enumerate(rows):
@@ -101,8 +101,8 @@ class SceneBatch:
         valid: Mask,
     ) -> SceneBatch:
         """Make a batch; x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
-        x, y, vx, vy, length, width = numbers
-        return cls(roads, road, target_lane, id, lane, x, y, vx, vy, length, width, valid)
+        named = dict(zip(NUMBERS, numbers, strict=True))
+        return cls(roads, road, target_lane, id, lane, **named, valid=valid)
 
     def put(self, places: Integers, scenes: SceneBatch) -> None:
         """Write `scenes`, with the same number of slots and the same roads, into `places`."""

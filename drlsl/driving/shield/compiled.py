@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,7 @@ from drlsl.logic import Engine
 from drlsl.lowering.backends import BatchAnswer, BatchProgram, Rows, compile_scalar
 from drlsl.lowering.frontend import Lowered, Query, array_forms, lower
 from drlsl.lowering.ir import NotLowerable, Relation
-
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Mask
 
 _NUMBERS: Final = frozenset({"int", "float", "number"})
 
@@ -187,13 +186,12 @@ class _Program:
         names = None
         if self._reads_names:
             names = np.where(scenes.id == EGO_ID, self._program.code(EGO), scenes.id + FIRST_OTHER)
-        columns = (names, scenes.lane, scenes.x, scenes.y, scenes.vx, scenes.vy, scenes.length, scenes.width)
         road_rows = self._road_rows
         if len(scenes.roads) > 1:
             road_rows = {name: replace(rows, index=scenes.road) for name, rows in road_rows.items()}
         return {
             **road_rows,
-            ("vehicle", 8): Rows(columns, scenes.valid),
+            ("vehicle", 8): Rows((names, *scenes.columns), scenes.valid),
             ("target_lane", 1): Rows([scenes.target_lane]),
         }
 

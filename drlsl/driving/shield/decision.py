@@ -7,18 +7,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows
 from drlsl.driving.shield.questions import LANE, SPEED, STATE
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
+    from drlsl.traffic import Floats, Integers, Mask
 
-    Floats: TypeAlias = npt.NDArray[np.float64]
-    Integers: TypeAlias = npt.NDArray[np.int64]
-    Mask: TypeAlias = npt.NDArray[np.bool_]
 
 OBSERVATION_SIZE: Final = 10
 """Numbers in an observation. Source: paper, State Space."""

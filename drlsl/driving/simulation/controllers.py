@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT
-
-Floats: TypeAlias = npt.NDArray[np.float64]
+from drlsl.traffic import Floats
 
 LATERAL_ACCELERATION_LIMIT: Final = 3.0
 """Largest sideways acceleration of the ego [m/s²]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +15,7 @@ from drlsl.driving.simulation.entry import Entry
 from drlsl.driving.simulation.fault import Track
 from drlsl.driving.simulation.playback import Courses
 from drlsl.errors import UserError
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Floats, Integers, Mask
 
 
 @dataclass(slots=True)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation.playback import Playback
 from drlsl.errors import UserError
-from drlsl.traffic import Lane
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
+from drlsl.traffic import Floats, Integers, Lane
 
 OFFSET: Final = 60.0
 """Least distance of an entry from the beginning of the stretch [m], so that the ego sees its follower."""

@@ -8,15 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from drlsl.traffic import Lane
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Floats, Lane, Mask
 
 BRAKING: Final = 6.0
 """The braking that a driver must be able to answer with [m/s²]. Source: UN R157, 5.2.5.2."""

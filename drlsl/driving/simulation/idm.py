@@ -6,14 +6,12 @@ Source: Treiber and Kesting, Traffic Flow Dynamics (2013), section 11.3; paramet
 from __future__ import annotations
 
 import math
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.scene import BRAKING_LIMIT
-
-Floats: TypeAlias = npt.NDArray[np.float64]
+from drlsl.traffic import Floats
 
 DESIRED_SPEED: Final = 120 / 3.6
 """The speed on a free road [m/s]."""

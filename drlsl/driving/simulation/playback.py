@@ -4,23 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Final, Self, TypeAlias
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, Road
 from drlsl.driving.simulation.fault import Track
 from drlsl.errors import UserError
-from drlsl.traffic import Direction, Lane, Recording, load_recording
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
-
-NUMBERS: Final = ("x", "y", "vx", "vy", "length", "width")
-"""The columns of `Film.numbers`, in order."""
+from drlsl.traffic import NUMBERS, Direction, Floats, Integers, Lane, Mask, Recording, load_recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,6 +172,21 @@ def road_of(recording: Recording, radar_range: float) -> Road:
     )
 
 
+def lane_table(roads: Sequence[Sequence[Lane]], nowhere: float) -> tuple[Integers, Floats, Floats]:
+    """Return ids, centres and widths [m] of some lanes for each road, shape (R, L).
+
+    Where a road has no lane, its id is 0 and its centre and width are `nowhere`.
+    """
+    most = max(map(len, roads))
+    ids = np.zeros((len(roads), most), dtype=np.int64)
+    centre, width = np.full((2, len(roads), most), nowhere)
+    for index, lanes in enumerate(roads):
+        ids[index, : len(lanes)] = [lane.id for lane in lanes]
+        centre[index, : len(lanes)] = [lane.centre for lane in lanes]
+        width[index, : len(lanes)] = [lane.width for lane in lanes]
+    return ids, centre, width
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Courses:
     """The data of the playbacks that N egos drive in; one value for each ego.
@@ -224,13 +231,7 @@ class Playbacks:
         parts = {film: self.film.part(begins[film], begins[film] + len(film)) for film in films}
         self.all = tuple(replace(one, film=parts[one.film]) for one in playbacks)
         self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
-        lanes = max(len(one.lanes) for one in playbacks)
-        lane_id = np.zeros((len(playbacks), lanes), dtype=np.int64)
-        centre, width = np.full((2, len(playbacks), lanes), np.inf)
-        for index, one in enumerate(playbacks):
-            lane_id[index, : len(one.lanes)] = [lane.id for lane in one.lanes]
-            centre[index, : len(one.lanes)] = [lane.centre for lane in one.lanes]
-            width[index, : len(one.lanes)] = [lane.width for lane in one.lanes]
+        lane_id, centre, width = lane_table([one.lanes for one in playbacks], np.inf)
         self.courses = Courses(
             begin=np.array([begins[one.film] for one in playbacks]),
             frames=np.array([one.frames for one in playbacks]),

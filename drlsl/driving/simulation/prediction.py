@@ -10,16 +10,13 @@ Source: paper, MPSDQN, which looks one step ahead; here the horizon is a setting
 from __future__ import annotations
 
 import math
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.scene import SceneBatch
 from drlsl.driving.simulation.controllers import LANE_GAIN, LATERAL_SPEED_LIMIT
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Floats, Mask
 
 TICK: Final = 0.1
 """The longest time between two predicted moments [s]: too short for two cars that approach at 250 km/h to

@@ -11,19 +11,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.scene import BRAKING_LIMIT, SceneBatch
 from drlsl.driving.simulation import idm
 from drlsl.driving.simulation.fault import Track
 from drlsl.driving.simulation.playback import Courses, Film
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Floats, Integers, Mask
 
 SIDE_ROOM: Final = 0.5
 """Sideways room [m] below which a vehicle ahead is in the way."""

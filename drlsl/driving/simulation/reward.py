@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.driving.config import RewardConfig
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Floats, Mask
 
 TERMS: Final = ("lane_change", "velocity", "collision", "off_road")
 """Names of the reward's terms, in the order of the paper."""

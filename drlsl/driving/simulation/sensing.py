@@ -9,20 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import SensingConfig
-from drlsl.driving.scene import Road, SceneBatch
-from drlsl.driving.simulation.playback import Courses, Playbacks
+from drlsl.driving.scene import SceneBatch
+from drlsl.driving.simulation.playback import Courses, Playbacks, lane_table
+from drlsl.traffic import NUMBERS, Floats, Integers, Mask
 
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
-
-_SEEN: Final = ("x", "y", "vx", "vy", "length", "width", "id", "lane", "there")
+_SEEN: Final = (*NUMBERS, "id", "lane", "there")
 """The fields of each vehicle that are remembered for the latency."""
 
 
@@ -33,7 +30,7 @@ class Sensing:
         self._config = config
         self._radar_range = radar_range
         self._film = playbacks.film
-        self._lanes = _lane_table(playbacks.roads)
+        self._lanes = lane_table([road.lanes for road in playbacks.roads], np.nan)
         slots = self._film.valid.shape[1]
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self._errors = np.zeros((4, count, slots))
@@ -146,18 +143,6 @@ class Sensing:
         valid = there & (dx * dx + dy * dy <= self._radar_range**2)
         valid[:, 0] = True
         return replace(scenes, valid=valid, **seen)
-
-
-def _lane_table(roads: tuple[Road, ...]) -> tuple[Integers, Floats, Floats]:
-    """Return ids, centres and widths [m] of each road's lanes, shape (R, L); NaN where there is none."""
-    most = max(len(road.lanes) for road in roads)
-    ids = np.zeros((len(roads), most), dtype=np.int64)
-    centre, width = np.full((2, len(roads), most), np.nan)
-    for index, road in enumerate(roads):
-        ids[index, : len(road.lanes)] = [lane.id for lane in road.lanes]
-        centre[index, : len(road.lanes)] = [lane.centre for lane in road.lanes]
-        width[index, : len(road.lanes)] = [lane.width for lane in road.lanes]
-    return ids, centre, width
 
 
 def _lane_of(y: Floats, ids: Integers, centre: Floats, width: Floats, road: Integers) -> Integers:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +21,7 @@ from drlsl.driving.simulation.prediction import NOTHING_OFFERED, predicted_actio
 from drlsl.driving.simulation.reactive import ReactiveTraffic
 from drlsl.driving.simulation.reward import reward_terms
 from drlsl.driving.simulation.sensing import Sensing
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Integers: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
+from drlsl.traffic import Floats, Integers, Mask
 
 MEMORY: Final = 12.0
 """Length of the tracks that are kept for judging contacts [s]."""

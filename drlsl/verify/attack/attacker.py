@@ -23,10 +23,11 @@ from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.lowering.backends import ArrayProgram, Rows, compile_numpy
 from drlsl.lowering.frontend import Query, deep_recursion, lower
 from drlsl.lowering.ir import Node, NotLowerable, Pool, reach
+from drlsl.traffic import Floats, Mask
 from drlsl.verify.attack.closeness import Closeness
 from drlsl.verify.attack.exact import judge
 from drlsl.verify.attack.sampled_facts import array_facts, exact_facts, float_facts, scene_of
-from drlsl.verify.attack.sampling import Drawn, Floats, Layout, Mask, draw, joined, normalise
+from drlsl.verify.attack.sampling import Drawn, Layout, draw, joined, normalise
 from drlsl.verify.attack.scene_changes import change, relevant_columns
 from drlsl.verify.confirmation import Counterexample, Replay
 from drlsl.verify.properties import Book, Property

@@ -21,8 +21,8 @@ from drlsl.driving.scene import (
 )
 from drlsl.logic.terms import Atom
 from drlsl.lowering.backends import Rows
-from drlsl.traffic import Direction, Lane
-from drlsl.verify.attack.sampling import OF_A_VEHICLE, Drawn, Floats, Layout, Mask, Whole, lane_centres
+from drlsl.traffic import Direction, Floats, Integers, Lane, Mask
+from drlsl.verify.attack.sampling import OF_A_VEHICLE, Drawn, Layout, lane_centres
 from drlsl.verify.ranges import Case
 from drlsl.verify.smt import NOBODY, Rational
 
@@ -68,7 +68,7 @@ class _Places:
         self.valid: Mask = near & _beside(np.ones((len(drawn), 1), dtype=np.bool_), drawn.present)
         self.lane = self._lanes(layout, drawn)
 
-    def _lanes(self, layout: Layout, drawn: Drawn) -> Whole:
+    def _lanes(self, layout: Layout, drawn: Drawn) -> Integers:
         """The lane that holds each centre, 0 for none; on the line between two, either."""
         half = self.widths / 2
         inside = np.abs(self.y[:, 1:, None] - self.centres[:, None, :]) <= half[:, None, :]
@@ -76,7 +76,7 @@ class _Places:
         inside &= there[:, None, :]
         first = np.where(inside.any(axis=2), inside.argmax(axis=2) + 1, 0)
         last = np.where(inside.any(axis=2), half.shape[1] - inside[:, :, ::-1].argmax(axis=2), 0)
-        lane: Whole = _beside(self.ego_lane[:, None], np.where(drawn.upper, first, last))
+        lane: Integers = _beside(self.ego_lane[:, None], np.where(drawn.upper, first, last))
         return lane
 
 

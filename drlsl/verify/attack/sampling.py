@@ -10,16 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from drlsl.traffic import Floats, Integers, Mask
 from drlsl.verify.ranges import MOST_LANES_ONE_WAY, TYPICAL, Case, Range
-
-Floats: TypeAlias = npt.NDArray[np.float64]
-Whole: TypeAlias = npt.NDArray[np.int64]
-Mask: TypeAlias = npt.NDArray[np.bool_]
 
 GRAIN: Final = 2.0**-30
 """Places and sizes across the road [m] are multiples of this: their sums do not round."""
@@ -110,7 +106,7 @@ class Layout:
         fits = self.across & (grains[0] <= grains[1])
         return np.where(fits, grains[0], low), np.where(fits, grains[1], np.maximum(low, high))
 
-    def _specials(self, constants: Sequence[float]) -> tuple[Floats, Whole]:
+    def _specials(self, constants: Sequence[float]) -> tuple[Floats, Integers]:
         """Numbers that are tried often, by column, and how many each column has: its ends and constants."""
         rows = []
         for kind, low, high in zip(self.kinds, self.low, self.high, strict=True):
@@ -148,11 +144,11 @@ class Drawn:
     """
 
     numbers: Floats
-    case: Whole
+    case: Integers
     present: Mask
-    named: Whole
+    named: Integers
     upper: Mask
-    focus: Whole
+    focus: Integers
 
     def __len__(self) -> int:
         return len(self.case)
@@ -201,7 +197,7 @@ def draw(layout: Layout, rng: np.random.Generator, count: int) -> Drawn:
     return drawn
 
 
-def specials(layout: Layout, rng: np.random.Generator, columns: Whole) -> Floats:
+def specials(layout: Layout, rng: np.random.Generator, columns: Integers) -> Floats:
     """Draw a special number for each of these columns: an end, a constant, or one near by."""
     table, counts = layout.specials
     size = columns.shape
@@ -215,7 +211,7 @@ def specials(layout: Layout, rng: np.random.Generator, columns: Whole) -> Floats
     return result
 
 
-def _names(layout: Layout, rng: np.random.Generator, shape: tuple[int, int]) -> Whole:
+def _names(layout: Layout, rng: np.random.Generator, shape: tuple[int, int]) -> Integers:
     if not layout.names:
         return np.full(shape, -1, dtype=np.int64)
     some = rng.integers(0, len(layout.names), size=shape)

@@ -7,7 +7,8 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.lowering.backends import BatchProgram
-from drlsl.verify.attack.sampling import OF_A_VEHICLE, Drawn, Floats, Layout, Mask, Whole, normalise, specials
+from drlsl.traffic import Floats, Integers, Mask
+from drlsl.verify.attack.sampling import OF_A_VEHICLE, Drawn, Layout, normalise, specials
 
 _BY_COLUMN: Final[dict[int, tuple[str, ...]]] = {
     1: ("right", "lane_width"),
@@ -68,7 +69,9 @@ def _chosen(layout: Layout, rng: np.random.Generator, drawn: Drawn, relevant: Ma
     return chosen
 
 
-def _moved(layout: Layout, rng: np.random.Generator, scenes: Drawn, rows: Whole, columns: Whole) -> Floats:
+def _moved(
+    layout: Layout, rng: np.random.Generator, scenes: Drawn, rows: Integers, columns: Integers
+) -> Floats:
     """New values for numbers of scenes."""
     value = scenes.numbers[rows, columns]
     size = value.shape
