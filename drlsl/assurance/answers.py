@@ -116,9 +116,15 @@ def decision_problem(shield: Shield, case: Case) -> str | None:
     try:
         shield.decide(case.scene)
     except (RuleFailure, UserError) as failure:
-        message = first_line(failure)
-        if case.fails is not None and case.fails in message:
-            return None
-        wanted = "a decision" if case.fails is None else f"the failure {case.fails!r}"
-        return f"expected {wanted}, got a failure: {message}"
-    return None if case.fails is None else f"expected the failure {case.fails!r}, got a decision"
+        return failure_problem(case, first_line(failure))
+    return failure_problem(case, None)
+
+
+def failure_problem(case: Case, failure: str | None) -> str | None:
+    """What is wrong with a decision that fails, or does not: None."""
+    wanted = "a decision" if case.fails is None else f"the failure {case.fails!r}"
+    if failure is None:
+        return None if case.fails is None else f"expected {wanted}, got a decision"
+    if case.fails is not None and case.fails in failure:
+        return None
+    return f"expected {wanted}, got a failure: {failure.splitlines()[0]}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from drlsl.assurance.answers import Generated, Interpreter, decision_problem, problem_of
+from drlsl.assurance.answers import Generated, Interpreter, decision_problem, failure_problem, problem_of
 from drlsl.assurance.checks import ACTIONS, ENTRY, FRONT, LANE, OBSERVATION, SPEED, Case, Question, Solutions
 from drlsl.driving.scene import ATOMS, SceneBatch
 from drlsl.driving.shield import Decisions, Shield
@@ -101,21 +101,12 @@ def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome, name: str) 
     for index, case in enumerate(cases):
         failure = decisions.failures.get(index)
         if case.fails is not None or failure is not None:
-            yield index, "decision", _failure_problem(case, failure)
+            yield index, "decision", failure_problem(case, failure)
             continue
         answers = _answers(decisions, entries, index)
         for check in case.checks:
             if check.question in answers:
                 yield index, check.what, check.problem(answers[check.question])
-
-
-def _failure_problem(case: Case, failure: str | None) -> str | None:
-    if failure is None:
-        return f"expected the failure {case.fails!r}, got a decision"
-    if case.fails is not None and case.fails in failure:
-        return None
-    wanted = "a decision" if case.fails is None else f"the failure {case.fails!r}"
-    return f"expected {wanted}, got a failure: {failure.splitlines()[0]}"
 
 
 def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mapping[Question, Solutions]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -37,7 +38,7 @@ DRIVING: Final = (ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY)
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(ABC):
     """An expectation about one goal; `what` is its word in reports."""
 
     what: str
@@ -45,20 +46,19 @@ class Check:
 
     def problem(self, found: Solutions) -> str | None:
         """Return the error of the solutions, as `expected ..., got ...`; None if they are right."""
-        expected, given = self.expected(), self.given(found)
-        return None if self.agrees(found) else f"expected {expected}, got {given}"
+        return None if self.agrees(found) else f"expected {self.expected()}, got {self.given(found)}"
 
+    @abstractmethod
     def agrees(self, found: Solutions) -> bool:
         """Return whether the solutions are as expected."""
-        raise NotImplementedError
 
+    @abstractmethod
     def expected(self) -> str:
         """Return the expectation in words."""
-        raise NotImplementedError
 
+    @abstractmethod
     def given(self, found: Solutions) -> str:
         """Return the answer in the same words as the expectation."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -84,13 +84,16 @@ class Offered(Check):
     wanted: tuple[str, ...]
 
     def agrees(self, found: Solutions) -> bool:
-        return sorted(map(str, _values(found))) == sorted(self.wanted)
+        return sorted(self._words(found)) == sorted(self.wanted)
 
     def expected(self) -> str:
         return ", ".join(self.wanted) or "none"
 
     def given(self, found: Solutions) -> str:
-        return ", ".join(map(str, _values(found))) or "none"
+        return ", ".join(self._words(found)) or "none"
+
+    def _words(self, found: Solutions) -> list[str]:
+        return [str(value) for value in _values(found)]
 
 
 @dataclass(frozen=True)
@@ -162,25 +165,13 @@ class Nearest(Check):
 
 
 @dataclass(frozen=True)
-class Opposed(Check):
+class Opposed(Offered):
     """The reasons against an action, in any order; a vehicle that is too close as `too_close NAME`."""
 
-    wanted: tuple[str, ...]
-
-    def agrees(self, found: Solutions) -> bool:
-        return sorted(self._reasons(found)) == sorted(self.wanted)
-
-    def expected(self) -> str:
-        return ", ".join(self.wanted) or "none"
-
-    def given(self, found: Solutions) -> str:
-        return ", ".join(self._reasons(found)) or "none"
-
-    @staticmethod
-    def _reasons(found: Solutions) -> list[str]:
-        reasons = _values(found)
+    def _words(self, found: Solutions) -> list[str]:
         return [
-            f"{term.name} {term.args[0]}" if isinstance(term, Compound) else str(term) for term in reasons
+            f"{term.name} {term.args[0]}" if isinstance(term, Compound) else str(term)
+            for term in _values(found)
         ]
 
 

@@ -27,8 +27,8 @@ from drlsl.driving.scene import (
     Scene,
     SceneBatch,
     Vehicle,
+    facts_of,
     road_facts,
-    scene_facts,
 )
 from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, default_rules, query_of
 from drlsl.logic import Engine
@@ -62,13 +62,13 @@ def rule_speeds(runs: int) -> Speeds:
     tiers: list[tuple[str, Ask]] = [("interpreter", _interpreter(engine)), ("scalar", scalar), *_pyswip()]
     one_scene: dict[str, dict[str, float]] = {}
     for vehicles in VEHICLES:
-        facts = [_facts(scene) for scene in random_scenes(_SCENES, vehicles)]
+        facts = [facts_of(scene) for scene in random_scenes(_SCENES, vehicles)]
         for name, ask in tiers:
             one_scene.setdefault(name, {})[str(vehicles)] = 1e3 * _seconds_each(ask, facts, runs)
         if swipl := shutil.which("swipl"):
             one_scene.setdefault("swipl", {})[str(vehicles)] = _swipl_milliseconds(swipl, facts, runs)
     scenes = random_scenes(BATCH, 40)
-    batch = {"scalar": 1e6 * _seconds_each(scalar, [_facts(scene) for scene in scenes], runs)}
+    batch = {"scalar": 1e6 * _seconds_each(scalar, [facts_of(scene) for scene in scenes], runs)}
     for name, program in _array_programs(lowered):
         columns = array_facts(SceneBatch.of(scenes), program)
         batch[name] = 1e6 * median_seconds(partial(program, columns), runs) / BATCH
@@ -140,10 +140,6 @@ def array_facts(scenes: SceneBatch, program: BatchProgram[Any]) -> dict[tuple[st
             ready = Rows([column[0] if single else column for column in table])
             facts[name, arity] = program.table(name, arity, ready)
     return facts
-
-
-def _facts(scene: Scene) -> Facts:
-    return {**road_facts(scene.road), **scene_facts(scene)}
 
 
 def _seconds_each(ask: Ask, scenes: Sequence[Facts], runs: int) -> float:

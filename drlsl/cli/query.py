@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -161,7 +162,7 @@ def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
         }
         data["target_speed"] = {
             "value": number,
-            "decided_by": None if reason is None else reason.as_json(),
+            "decided_by": None if reason is None else asdict(reason),
             **speed.to_dict(),
         }
         print(to_json(data))

@@ -26,7 +26,7 @@ from drlsl.counterfactual.levers import (
     place_lever_on_its_side,
     speed_lever,
 )
-from drlsl.driving.scene import SCHEMA, Action, Scene, Vehicle, action_of_atom, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Action, Scene, Vehicle, action_of_atom, facts_of
 from drlsl.driving.shield import RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic.terms import Atom
@@ -210,7 +210,7 @@ class _Rules:
             RuleFailure: the rules give no usable answer.
         """
         try:
-            (atoms,) = self.scalar({**road_facts(scene.road), **scene_facts(scene)})
+            (atoms,) = self.scalar(facts_of(scene))
         except Undecided:
             return action in self.shield.decide(scene).safe_actions
         return action.atom in atoms

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Final, Literal, TypeAlias
 
-from drlsl.driving.scene import SCHEMA, Road, Scene, Vehicle, road_facts, scene_facts
+from drlsl.driving.scene import SCHEMA, Road, Scene, Vehicle, facts_of
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import Node
 from drlsl.verify import RANGES
@@ -161,7 +161,7 @@ class OpenScene:
     # ---------------------------------------------------------------- facts
 
     def _facts(self) -> dict[tuple[str, int], list[Row]]:
-        facts = {**road_facts(self.scene.road), **scene_facts(self.scene)}
+        facts = facts_of(self.scene)
         result = {}
         for key, relation in SCHEMA.relations.items():
             result[key] = [self._row(relation.columns, row) for row in facts[key]]

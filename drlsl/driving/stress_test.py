@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -106,13 +106,7 @@ class ContactRecord:
 
     def as_json(self) -> dict[str, Any]:
         """Return all fields but the scene."""
-        return {
-            "episode": self.episode,
-            "policy": self.policy,
-            "verdict": self.verdict,
-            "vehicle": self.vehicle,
-            "closing_speed": self.closing_speed,
-        }
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "scene"}
 
 
 @dataclass(slots=True)

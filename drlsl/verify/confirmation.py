@@ -15,9 +15,8 @@ from drlsl.driving.scene import (
     Scene,
     SceneBatch,
     Vehicle,
+    facts_of,
     parse_scene,
-    road_facts,
-    scene_facts,
     scene_json,
 )
 from drlsl.driving.shield import LIMITS, RuleFailure, Shield
@@ -96,7 +95,7 @@ class Replay:
         self, scene: Scene, focus: str, unknowns: Mapping[str, float] | None = None
     ) -> Counterexample | None:
         """The counterexample that a scene is, with these unknown numbers, if all tiers say so."""
-        facts: Facts = {**road_facts(scene.road), **scene_facts(scene)}
+        facts = facts_of(scene)
         facts[FOCUS.name, FOCUS.arity] = [(focus,)]
         facts.update({(name, 1): [(value,)] for name, value in (unknowns or {}).items()})
         called = self._called()

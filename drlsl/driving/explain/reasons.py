@@ -74,10 +74,6 @@ class SpeedReason:
     vehicle: str
     without: float
 
-    def as_json(self) -> dict[str, Any]:
-        """Return both fields."""
-        return {"vehicle": self.vehicle, "without": self.without}
-
     def words(self) -> str:
         """Return the reason in words."""
         return f"{printable(self.vehicle)} decides it; without it {self.without:.2f} m/s"

@@ -2,7 +2,7 @@ from .action_space import one_action, several_actions
 from .actions import ATOMS, Action, action_of_atom
 from .batch import EGO_ID, SceneBatch
 from .ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-from .facts import SCHEMA, Facts, Row, road_facts, scene_facts
+from .facts import SCHEMA, Facts, Row, facts_of, road_facts, scene_facts
 from .model import EGO, Road, Scene, Vehicle, bumper_gap
 from .rows import copied, put_rows
 from .scene_file import load_scene, parse_scene, scene_json
@@ -25,6 +25,7 @@ __all__ = [
     "action_of_atom",
     "bumper_gap",
     "copied",
+    "facts_of",
     "load_scene",
     "one_action",
     "parse_scene",

@@ -39,6 +39,11 @@ SCHEMA: Final = Schema(
 """The schema of a scene's facts."""
 
 
+def facts_of(scene: Scene) -> Facts:
+    """Return all the facts of a scene, those of its road included."""
+    return {**road_facts(scene.road), **scene_facts(scene)}
+
+
 def road_facts(road: Road) -> Facts:
     """Return the facts that hold for every scene on one road."""
     return {

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from typing import Any, Final, Literal, TypeAlias
 from zlib import crc32
@@ -102,21 +102,13 @@ class Attack:
     asked: int = 0
     broken: int = 0
     hit: Hit | None = None
-    reason: str = ""
     seconds: float = 0.0
+    reason: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """The attack as `--json` prints it."""
-        return {
-            "scenes": self.scenes,
-            "near": self.near,
-            "close": self.close,
-            "undecided": self.undecided,
-            "asked": self.asked,
-            "broken": self.broken,
-            "seconds": round(self.seconds, 3),
-            "reason": self.reason or None,
-        }
+        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "hit"}
+        return values | {"seconds": round(self.seconds, 3), "reason": self.reason or None}
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,7 @@ from drlsl.driving.scene import (
     Road,
     Scene,
     Vehicle,
-    road_facts,
-    scene_facts,
+    facts_of,
 )
 from drlsl.logic.terms import Atom
 from drlsl.lowering.backends import Rows
@@ -235,7 +234,7 @@ def float_facts(scene: Scene, focus: str, unknowns: Mapping[str, float]) -> Exac
     """The facts of a scene as the rules are told them, in floats."""
     facts: ExactFacts = {
         key: [tuple(Atom(cell) if isinstance(cell, str) else cell for cell in row) for row in rows]
-        for key, rows in {**road_facts(scene.road), **scene_facts(scene)}.items()
+        for key, rows in facts_of(scene).items()
     }
     facts["focus", 1] = [(Atom(focus),)]
     facts.update({(name, 1): [(value,)] for name, value in unknowns.items()})
