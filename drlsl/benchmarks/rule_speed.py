@@ -17,9 +17,6 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.driving.scene import (
-    ACCELERATION_LIMIT,
-    BRAKING_LIMIT,
-    CENTRE_TOLERANCE,
     EGO,
     SCHEMA,
     Facts,
@@ -106,7 +103,7 @@ def random_scenes(count: int, vehicles: int, seed: int = 1) -> list[Scene]:
     """Return scenes on a road with three lanes in each direction, every vehicle in radar range."""
     rng = random.Random(seed)
     lanes = six_lanes()
-    road = Road(lanes, 0.04, 100.0, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE)
+    road = Road(lanes, 0.04, 100.0)
 
     def vehicle(name: str, x: float) -> Vehicle:
         lane = rng.choice(lanes)

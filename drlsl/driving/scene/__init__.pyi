@@ -1,7 +1,7 @@
 from .action_space import one_action, several_actions
 from .actions import ATOMS, Action, action_of_atom
 from .batch import EGO_ID, SceneBatch
-from .ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from .ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO_LIMITS
 from .facts import SCHEMA, Facts, Row, facts_of, road_facts, scene_facts
 from .model import EGO, Road, Scene, Vehicle, bumper_gap
 from .rows import copied, put_rows
@@ -14,6 +14,7 @@ __all__ = [
     "CENTRE_TOLERANCE",
     "EGO",
     "EGO_ID",
+    "EGO_LIMITS",
     "SCHEMA",
     "Action",
     "Facts",

@@ -12,3 +12,10 @@ BRAKING_LIMIT: Final = 8.0
 
 CENTRE_TOLERANCE: Final = 0.4
 """Largest offset from the target lane's centre [m] at which the ego starts a new lane change."""
+
+EGO_LIMITS: Final = {
+    "acceleration_limit": ACCELERATION_LIMIT,
+    "braking_limit": BRAKING_LIMIT,
+    "centre_tolerance": CENTRE_TOLERANCE,
+}
+"""By the name of the fact that tells it."""

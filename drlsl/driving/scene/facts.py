@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Final, TypeAlias
 
+from drlsl.driving.scene.ego_limits import EGO_LIMITS
 from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
 from drlsl.lowering.ir import Relation, Schema
 
 Row: TypeAlias = tuple[str | int | float, ...]
 Facts: TypeAlias = dict[tuple[str, int], list[Row]]
 
+_NUMBERS: Final = ("time_step", "radar_range", *EGO_LIMITS)
+"""What a road has one number of, each a fact of that name."""
 
 SCHEMA: Final = Schema(
     [
@@ -29,11 +32,7 @@ SCHEMA: Final = Schema(
             fields=("id", "direction", "centre", "width", "speed_limit"),
         ),
         Relation("target_lane", ("int",), single=True),
-        Relation("time_step", ("float",), single=True),
-        Relation("radar_range", ("float",), single=True),
-        Relation("acceleration_limit", ("float",), single=True),
-        Relation("braking_limit", ("float",), single=True),
-        Relation("centre_tolerance", ("float",), single=True),
+        *(Relation(name, ("float",), single=True) for name in _NUMBERS),
     ]
 )
 """The schema of a scene's facts."""
@@ -50,11 +49,7 @@ def road_facts(road: Road) -> Facts:
         ("road_lane", 5): [
             (lane.id, lane.direction.value, lane.centre, lane.width, lane.speed_limit) for lane in road.lanes
         ],
-        ("time_step", 1): [(road.time_step,)],
-        ("radar_range", 1): [(road.radar_range,)],
-        ("acceleration_limit", 1): [(road.acceleration_limit,)],
-        ("braking_limit", 1): [(road.braking_limit,)],
-        ("centre_tolerance", 1): [(road.centre_tolerance,)],
+        **{(name, 1): [(getattr(road, name),)] for name in _NUMBERS},
     }
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from drlsl.driving.scene.ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.traffic import Direction, Lane
 
 EGO: Final = "ego"
@@ -41,9 +42,9 @@ class Road:
     lanes: tuple[Lane, ...]
     time_step: float
     radar_range: float
-    acceleration_limit: float
-    braking_limit: float
-    centre_tolerance: float
+    acceleration_limit: float = ACCELERATION_LIMIT
+    braking_limit: float = BRAKING_LIMIT
+    centre_tolerance: float = CENTRE_TOLERANCE
 
     def lanes_of(self, direction: Direction) -> tuple[Lane, ...]:
         """Return the lanes of one direction, in the order of the road."""

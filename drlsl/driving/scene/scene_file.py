@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from drlsl.driving.scene.ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
 from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
 from drlsl.errors import UserError
 from drlsl.files import parse_json, problem_text, read_text
@@ -152,14 +151,7 @@ def _road(model: RoadModel) -> Road:
         ),
         key=lambda lane: lane.centre,
     )
-    return Road(
-        lanes=tuple(lanes),
-        time_step=model.time_step_s,
-        radar_range=model.radar_range_m,
-        acceleration_limit=ACCELERATION_LIMIT,
-        braking_limit=BRAKING_LIMIT,
-        centre_tolerance=CENTRE_TOLERANCE,
-    )
+    return Road(tuple(lanes), model.time_step_s, model.radar_range_m)
 
 
 def _vehicle(name: str, box: BoxModel, road: Road) -> Vehicle:

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, Road
+from drlsl.driving.scene import Road
 from drlsl.driving.simulation.fault import Track
 from drlsl.errors import UserError
 from drlsl.traffic import NUMBERS, Direction, Floats, Integers, Lane, Mask, Recording, load_recording
@@ -167,9 +167,7 @@ def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
 
 def road_of(recording: Recording, radar_range: float) -> Road:
     """Return the road of `recording` for an ego that sees `radar_range` [m] far."""
-    return Road(
-        recording.lanes, recording.dt, radar_range, ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
-    )
+    return Road(recording.lanes, recording.dt, radar_range)
 
 
 def lane_table(roads: Sequence[Sequence[Lane]], nowhere: float) -> tuple[Integers, Floats, Floats]:

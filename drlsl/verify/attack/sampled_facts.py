@@ -9,10 +9,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from drlsl.driving.scene import (
-    ACCELERATION_LIMIT,
-    BRAKING_LIMIT,
-    CENTRE_TOLERANCE,
     EGO,
+    EGO_LIMITS,
     Road,
     Scene,
     Vehicle,
@@ -30,12 +28,6 @@ ExactFacts: TypeAlias = dict[tuple[str, int], list[tuple[Any, ...]]]
 
 _FIRST_OWN: Final = 1 << 20
 """The integer that stands for vehicle 0 in arrays; atoms of the program have smaller ones."""
-
-_LIMITS: Final = {
-    "acceleration_limit": ACCELERATION_LIMIT,
-    "braking_limit": BRAKING_LIMIT,
-    "centre_tolerance": CENTRE_TOLERANCE,
-}
 
 
 class _Places:
@@ -106,7 +98,7 @@ def array_facts(layout: Layout, drawn: Drawn, code: Callable[[str], int]) -> dic
         ("time_step", 1): Rows([drawn.numbers[:, layout.scalar["time_step"]]]),
         ("radar_range", 1): Rows([drawn.numbers[:, layout.scalar["radar_range"]]]),
     }
-    facts.update({(name, 1): Rows([np.array([value])]) for name, value in _LIMITS.items()})
+    facts.update({(name, 1): Rows([np.array([value])]) for name, value in EGO_LIMITS.items()})
     facts.update({(name, 1): Rows([drawn.numbers[:, place]]) for name, place in layout.unknown.items()})
     return facts
 
@@ -144,9 +136,6 @@ def scene_of(layout: Layout, drawn: Drawn) -> tuple[Scene, str, dict[str, float]
         lanes=lanes,
         time_step=float(drawn.numbers[0, layout.scalar["time_step"]]),
         radar_range=float(drawn.numbers[0, layout.scalar["radar_range"]]),
-        acceleration_limit=ACCELERATION_LIMIT,
-        braking_limit=BRAKING_LIMIT,
-        centre_tolerance=CENTRE_TOLERANCE,
     )
     there = [place for place in range(layout.vehicles) if places.valid[0, place + 1]]
     others = tuple(car(name_of(layout, drawn, place), place + 1) for place in there)
@@ -202,7 +191,7 @@ def exact_facts(layout: Layout, drawn: Drawn) -> ExactFacts | None:
     }
     single: Mapping[str, Rational] = {
         **{name: value[name] for name in ("time_step", "radar_range")},
-        **{name: Fraction(repr(limit)) for name, limit in _LIMITS.items()},
+        **{name: Fraction(repr(limit)) for name, limit in EGO_LIMITS.items()},
         **{name: exact[layout.unknown[name]] for name in unknowns},
     }
     facts.update({(name, 1): [(number,)] for name, number in single.items()})

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE
+from drlsl.driving.scene import EGO_LIMITS
 from drlsl.lowering.ir import SMALLEST_DIVISOR, Node, Pool, is_checked_divisor, relation_of
 from drlsl.verify.floats import rounding
 from drlsl.verify.floats.rounding import ANY, Approximation, down, up
@@ -61,9 +61,7 @@ def _fact_columns(ranges: Mapping[str, Range]) -> dict[tuple[str, int], tuple[Ap
     single = {name: of(name) for name in ranges}
     single |= {
         "target_lane": lane,
-        "acceleration_limit": rounding.constant(ACCELERATION_LIMIT),
-        "braking_limit": rounding.constant(BRAKING_LIMIT),
-        "centre_tolerance": rounding.constant(CENTRE_TOLERANCE),
+        **{name: rounding.constant(limit) for name, limit in EGO_LIMITS.items()},
     }
     return result | {(name, 0): (one, one) for name, one in single.items()}
 

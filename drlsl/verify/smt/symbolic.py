@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
-from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO, Road, Scene, Vehicle
+from drlsl.driving.scene import EGO, EGO_LIMITS, Road, Scene, Vehicle
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import Relation
 from drlsl.traffic import Lane
@@ -261,9 +261,8 @@ class SymbolicScene:
         self.facts["focus", 1] = [Row(true, (focus,))]
         number("time_step", self._unknown("time_step", "time_step"))
         number("radar_range", self._numbers["radar_range"])
-        number("acceleration_limit", algebra.number(ACCELERATION_LIMIT))
-        number("braking_limit", algebra.number(BRAKING_LIMIT))
-        number("centre_tolerance", algebra.number(CENTRE_TOLERANCE))
+        for name, limit in EGO_LIMITS.items():
+            number(name, algebra.number(limit))
         for name in self.unknowns:
             number(name, self._unknown(name, name))
         self._focused = focus
@@ -341,9 +340,6 @@ class SymbolicScene:
             lanes=lanes,
             time_step=number(self._numbers["time_step"]),
             radar_range=number(self._numbers["radar_range"]),
-            acceleration_limit=ACCELERATION_LIMIT,
-            braking_limit=BRAKING_LIMIT,
-            centre_tolerance=CENTRE_TOLERANCE,
         )
         ego, *others = [vehicle(row) for row in self.facts["vehicle", 8] if holds(row.present)]
         scene = Scene(road=road, ego=ego, vehicles=tuple(others), target_lane=self.case.target_lane)
