@@ -356,6 +356,13 @@ def test_as_swi_prolog_loads(tmp_path: Path, text: str) -> None:
     assert [str(value) for value in values(engine)] == done.stdout.split()
 
 
+@pytest.mark.parametrize("directive", ["dynamic([{}])", "discontiguous([{}])", "table([{}])"])
+def test_a_directive_may_list_any_number_of_predicates(directive: str) -> None:
+    engine = Engine()
+    engine.consult_text(f":- {directive.format(', '.join(f'p{n}/1' for n in range(3000)))}.\np2999(1).\n")
+    assert engine.holds("p2999(1)")
+
+
 def test_a_file_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(consult, "LARGEST_FILE", 2**20)
     with pytest.raises(OSError, match="it is larger than 1 MiB"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 from drlsl.logic.core import Caller, Trail, undo, unify
@@ -115,12 +116,20 @@ def indicator(term: Term) -> tuple[str, int]:
     return name.name, not_negative(arity)
 
 
+def members(term: Term) -> Iterator[Term]:
+    """Yield the terms that a conjunction or a list is made of, from left to right."""
+    todo = [term]
+    while todo:
+        term = deref(todo.pop())
+        if type(term) is Struct and len(term.args) == 2 and term.name in (",", "."):
+            todo.extend(reversed(term.args))
+        elif term is not NIL:
+            yield term
+
+
 def indicators(term: Term) -> list[tuple[str, int]]:
     """The name and arity of each predicate indicator in a conjunction or list of them."""
-    term = deref(term)
-    if type(term) is Struct and len(term.args) == 2 and term.name in (",", "."):
-        return indicators(term.args[0]) + indicators(term.args[1])
-    return [] if term is NIL else [indicator(term)]
+    return [indicator(one) for one in members(term)]
 
 
 def attempt(machine: Caller, left: Term, right: Term) -> bool:

@@ -55,16 +55,20 @@ def split_clause(term: Term, meter: Meter | None = None) -> tuple[Term, Term]:
     Raises:
         InstantiationError, PrologTypeError: As assertz/1 does. Source: ISO 13211-1, 8.9.2.3.
     """
-    term = unqualified(term)
-    head: Term = term
-    body: Term = TRUE
-    if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
-        head, body = unqualified(term.args[0]), deref(term.args[1])
+    head, body = _parts(term)
     callable_parts(head)
     goals = joined(body, meter)
     check_body(goals, body)
     has_variable = any(type(goal) is Var for goal in goals)
     return head, run_deep(_with_calls(body)) if has_variable else body
+
+
+def _parts(term: Term) -> tuple[Term, Term]:
+    """What stands on either side of the neck; a fact has the body true."""
+    term = unqualified(term)
+    if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
+        return unqualified(term.args[0]), deref(term.args[1])
+    return term, TRUE
 
 
 def _with_calls(body: Term) -> Deep[Term]:
@@ -91,12 +95,14 @@ def _with_calls_inside(goal: Term) -> Deep[Term]:
     return goal
 
 
-def _new_clause(machine: Caller, term: Term) -> Clause:
+def _to_add(machine: Caller, term: Term) -> tuple[Clause, Predicate]:
+    """A new clause, and the predicate that it is to be a clause of."""
     copied = copy_term(term, meter=machine.meter)
     if not is_acyclic(copied):
         raise representation_error("acyclic_term")
     head, body = split_clause(copied, machine.meter)
-    return Clause(head, body)
+    name, args = callable_parts(head)
+    return Clause(head, body), _to_modify(machine, name, len(args))
 
 
 def _to_modify(machine: Caller, name: str, arity: int) -> Predicate:
@@ -113,18 +119,16 @@ def _to_modify(machine: Caller, name: str, arity: int) -> Predicate:
 @det("assert", 1)
 def assertz(machine: Caller, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.2."""
-    clause = _new_clause(machine, term)
-    name, args = callable_parts(clause.head)
-    _to_modify(machine, name, len(args)).append(clause)
+    clause, predicate = _to_add(machine, term)
+    predicate.append(clause)
     return True
 
 
 @det("asserta", 1)
 def asserta(machine: Caller, term: Term) -> bool:
     """Source: ISO 13211-1, 8.9.1."""
-    clause = _new_clause(machine, term)
-    name, args = callable_parts(clause.head)
-    _to_modify(machine, name, len(args)).prepend(clause)
+    clause, predicate = _to_add(machine, term)
+    predicate.prepend(clause)
     return True
 
 
@@ -167,11 +171,7 @@ def clause(machine: Caller, head: Term, body: Term) -> Iterator[bool | None]:
 @nondet("retract", 1)
 def retract(machine: Caller, term: Term) -> Iterator[bool | None]:
     """Source: ISO 13211-1, 8.9.3."""
-    term = unqualified(term)
-    head: Term = term
-    body: Term = TRUE
-    if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
-        head, body = unqualified(term.args[0]), deref(term.args[1])
+    head, body = _parts(term)
     name, args = callable_parts(head)
     predicate = machine.program.find(name, len(args))
     if predicate is None:

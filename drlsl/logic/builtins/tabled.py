@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from drlsl.logic.builtins.arguments import indicator
+from drlsl.logic.builtins.arguments import indicator, members
 from drlsl.logic.builtins.database import is_builtin, name_term
 from drlsl.logic.core import Caller, Indicator, call_table, det
 from drlsl.logic.errors import PrologPermissionError, permission_error
-from drlsl.logic.terms import NIL, Struct, Term, deref
+from drlsl.logic.terms import Struct, Term
 
 
 class _Unsupported(PrologPermissionError):
@@ -22,17 +22,14 @@ def _indicators(specification: Term) -> list[Indicator]:
     Raises:
         PrologError: It names none, or wants answers to be joined (``path(_, _, min)``) or another method.
     """
-    todo, named = [specification], []
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Struct and len(term.args) == 2 and term.name in (",", "."):
-            todo.extend(reversed(term.args))
-        elif type(term) is Struct and len(term.args) == 2 and term.name == "//":
+    named = []
+    for term in members(specification):
+        if type(term) is Struct and len(term.args) == 2 and term.name == "//":
             name, arity = indicator(Struct("/", term.args))
             named.append((name, arity + 2))
         elif type(term) is Struct and term.name != "/":
             raise _Unsupported(permission_error("declare", "table_mode", term).term)
-        elif term is not NIL:
+        else:
             named.append(indicator(term))
     return named
 

@@ -282,11 +282,8 @@ def _variables(term: Term, meter: Meter | None) -> Iterator[Var]:
                 yield term
         if type(term) is Struct:
             steps -= len(term.args)
-            if steps < 0:
-                if met is None:
-                    met = _Places(meter)
-                if met.before(term):
-                    continue
+            if steps < 0 and (met := met or _Places(meter)).before(term):
+                continue
             todo.extend(reversed(term.args))
 
 
@@ -312,11 +309,8 @@ def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
             if type(right) is not Struct or left.name != right.name or len(left.args) != len(right.args):
                 return False
             steps -= len(left.args)
-            if steps < 0:
-                if met is None:
-                    met = _Pairs(meter)
-                if met.before(left, right):
-                    continue
+            if steps < 0 and (met := met or _Pairs(meter)).before(left, right):
+                continue
             push_pairs(todo, left, right)
         elif type(left) is not type(right) or left != right:
             return False
@@ -325,24 +319,7 @@ def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
 
 def is_ground(term: Term, meter: Meter | None = None) -> bool:
     """Whether no unbound variable occurs in a term."""
-    todo = [term]
-    steps = _SHORT
-    met: _Places | None = None
-    while todo:
-        term = todo.pop()
-        if type(term) is Var:
-            term = deref(term)
-            if type(term) is Var:
-                return False
-        if type(term) is Struct:
-            steps -= len(term.args)
-            if steps < 0:
-                if met is None:
-                    met = _Places(meter)
-                if met.before(term):
-                    continue
-            todo.extend(term.args)
-    return True
+    return next(_variables(term, meter), None) is None
 
 
 def copy_term(term: Term, renaming: dict[Var, Term] | None = None, meter: Meter | None = None) -> Term:
@@ -455,9 +432,7 @@ def compare(left: Term, right: Term, *, iso: bool = True, meter: Meter | None = 
                 return order
             if type(left) is Struct and type(right) is Struct:
                 steps -= len(left.args)
-                if steps < 0 and met is None:
-                    met = _Pairs(meter)
-                if met is None or not met.before(left, right):
+                if steps >= 0 or not (met := met or _Pairs(meter)).before(left, right):
                     push_pairs(todo, left, right)
         if not todo:
             return 0
@@ -524,11 +499,8 @@ def variant(left: Term, right: Term, meter: Meter | None = None) -> bool:
             if left.name != right.name or len(left.args) != len(right.args):
                 return False
             steps -= len(left.args)
-            if steps < 0:
-                if met is None:
-                    met = _Pairs(meter)
-                if met.before(left, right):
-                    continue
+            if steps < 0 and (met := met or _Pairs(meter)).before(left, right):
+                continue
             push_pairs(todo, left, right)
         elif type(left) in _WEIGHED:
             if meter is not None:
