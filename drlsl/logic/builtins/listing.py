@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drlsl.logic.builtins.arguments import prefix
-from drlsl.logic.builtins.termio import emit, output_stream
+from drlsl.logic.builtins.termio import emit, writes
 from drlsl.logic.core import Caller, Predicate, copy_term, det, term_variables
 from drlsl.logic.errors import instantiation_error, type_error
 from drlsl.logic.limits import Meter
@@ -140,14 +140,7 @@ def _variable_names(term: Term, meter: Meter) -> dict[int, str]:
     return names
 
 
-@det("portray_clause", 1)
-def portray_clause(machine: Caller, term: Term) -> bool:
-    return emit(machine, portrayed(term, machine))
-
-
-@det("portray_clause", 2)
-def portray_clause_to(machine: Caller, stream: Term, term: Term) -> bool:
-    return emit(machine, portrayed(term, machine), output_stream(machine, stream))
+writes("portray_clause", 1)(lambda machine, term: portrayed(term, machine))
 
 
 @det("listing", 0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TextIO
 
 from drlsl.logic.builtins.arguments import not_negative, prefix
@@ -100,27 +100,27 @@ def flush_stream(machine: Caller, stream: Term) -> bool:
     return True
 
 
-@det("nl", 0)
-def nl(machine: Caller) -> bool:
-    return emit(machine, "\n")
+def writes(name: str, arity: int) -> Callable[[Callable[..., str]], Callable[..., str]]:
+    """Declare a builtin that writes the text that a function makes of the machine and the arguments.
+
+    With one more argument, the first, it is written to the stream of that alias.
+    """
+
+    def register(text: Callable[..., str]) -> Callable[..., str]:
+        det(name, arity)(lambda machine, *args: emit(machine, text(machine, *args)))
+        det(name, arity + 1)(
+            lambda machine, stream, *args: emit(machine, text(machine, *args), output_stream(machine, stream))
+        )
+        return text
+
+    return register
 
 
-@det("nl", 1)
-def nl_to(machine: Caller, stream: Term) -> bool:
-    return emit(machine, "\n", output_stream(machine, stream))
+writes("nl", 0)(lambda _machine: "\n")
 
 
-@det("put_char", 1)
-def put_char(machine: Caller, char: Term) -> bool:
-    return emit(machine, _character(char))
-
-
-@det("put_char", 2)
-def put_char_to(machine: Caller, stream: Term, char: Term) -> bool:
-    return emit(machine, _character(char), output_stream(machine, stream))
-
-
-def _character(char: Term) -> str:
+@writes("put_char", 1)
+def put_char(_machine: Caller, char: Term) -> str:
     char = deref(char)
     if isinstance(char, Var):
         raise instantiation_error()
@@ -129,17 +129,8 @@ def _character(char: Term) -> str:
     return char.name if isinstance(char, Atom) else ""
 
 
-@det("tab", 1)
-def tab(machine: Caller, count: Term) -> bool:
-    return emit(machine, _spaces(machine, count))
-
-
-@det("tab", 2)
-def tab_to(machine: Caller, stream: Term, count: Term) -> bool:
-    return emit(machine, _spaces(machine, count), output_stream(machine, stream))
-
-
-def _spaces(machine: Caller, count: Term) -> str:
+@writes("tab", 1)
+def tab(machine: Caller, count: Term) -> str:
     number = not_negative(evaluate(count, machine))
     machine.meter.text(number)
     return " " * number
@@ -150,15 +141,9 @@ def _spaces(machine: Caller, count: Term) -> str:
 
 def _declare_write(name: str, newline: bool = False, **style: Any) -> None:
     end = "\n" if newline else ""
-
-    @det(name, 1)
-    def write(machine: Caller, term: Term) -> bool:
-        return emit(machine, format_term(term, machine.operators, meter=machine.meter, **style) + end)
-
-    @det(name, 2)
-    def write_to(machine: Caller, stream: Term, term: Term) -> bool:
-        target = output_stream(machine, stream)
-        return emit(machine, format_term(term, machine.operators, meter=machine.meter, **style) + end, target)
+    writes(name, 1)(
+        lambda machine, term: format_term(term, machine.operators, meter=machine.meter, **style) + end
+    )
 
 
 _declare_write("write", numbervars=True)
@@ -173,14 +158,7 @@ def canonical(term: Term, operators: Operators, meter: Meter | None = None) -> s
     return format_term(term, operators, quoted=True, ignore_ops=True, variable_names=names, meter=meter)
 
 
-@det("write_canonical", 1)
-def write_canonical(machine: Caller, term: Term) -> bool:
-    return emit(machine, canonical(term, machine.operators, machine.meter))
-
-
-@det("write_canonical", 2)
-def write_canonical_to(machine: Caller, stream: Term, term: Term) -> bool:
-    return emit(machine, canonical(term, machine.operators, machine.meter), output_stream(machine, stream))
+writes("write_canonical", 1)(lambda machine, term: canonical(term, machine.operators, machine.meter))
 
 
 @det("write_term", 2)
@@ -362,17 +340,23 @@ def _input(machine: Caller, stream: Term | None = None) -> Input:
     return known
 
 
-def _declare_read(name: str, arity: int) -> None:
-    @det(name, arity)
-    def read(machine: Caller, term: Term, options: Term = NIL) -> bool:
-        return _read(machine, _input(machine), term, options)
+def _reads(name: str, arity: int) -> Callable[[Callable[..., bool]], Callable[..., bool]]:
+    """Declare a builtin that reads from the input that its function is given behind the machine.
 
-    @det(name, arity + 1)
-    def read_from(machine: Caller, stream: Term, term: Term, options: Term = NIL) -> bool:
-        return _read(machine, _input(machine, stream), term, options)
+    With one more argument, the first, it is the stream of that alias.
+    """
+
+    def register(read: Callable[..., bool]) -> Callable[..., bool]:
+        det(name, arity)(lambda machine, *args: read(machine, _input(machine), *args))
+        det(name, arity + 1)(lambda machine, stream, *args: read(machine, _input(machine, stream), *args))
+        return read
+
+    return register
 
 
-def _read(machine: Caller, source: Input, term: Term, options: Term) -> bool:
+@_reads("read", 1)
+@_reads("read_term", 2)
+def read(machine: Caller, source: Input, term: Term, options: Term = NIL) -> bool:
     """Source: ISO 13211-1 8.14.1."""
     wanted = option_list(options)
     for option in wanted:
@@ -398,34 +382,16 @@ _READ_OPTIONS: dict[str, Any] = {
     "singletons": lambda found: _named(found, found.singletons),
 }
 
-_declare_read("read", 1)
-_declare_read("read_term", 2)
-
-
-@det("at_end_of_stream", 0)
-def at_end_of_stream(machine: Caller) -> bool:
-    return not _input(machine).peek()
-
-
-@det("at_end_of_stream", 1)
-def at_end_of(machine: Caller, stream: Term) -> bool:
-    return not _input(machine, stream).peek()
+_reads("at_end_of_stream", 0)(lambda _machine, source: not source.peek())
 
 
 def _declare_character(name: str, take: bool, code: bool) -> None:
-    def next_term(source: Input) -> Term:
+    @_reads(name, 1)
+    def get(machine: Caller, source: Input, term: Term) -> bool:
         char = source.take() if take else source.peek()
         if not char:
-            return -1 if code else END_OF_FILE
-        return ord(char) if code else Atom(char)
-
-    @det(name, 1)
-    def get(machine: Caller, char: Term) -> bool:
-        return machine.unify(char, next_term(_input(machine)))
-
-    @det(name, 2)
-    def get_from(machine: Caller, stream: Term, char: Term) -> bool:
-        return machine.unify(char, next_term(_input(machine, stream)))
+            return machine.unify(term, -1 if code else END_OF_FILE)
+        return machine.unify(term, ord(char) if code else Atom(char))
 
 
 _declare_character("get_char", take=True, code=False)
