@@ -1,4 +1,4 @@
-from .arrays import NUMBERS, Floats, Integers, Mask
+from .array_kinds import NUMBERS, Floats, Integers, Mask
 from .cache import cache_folder
 from .generate import PRESETS, find_preset, simulate
 from .highd_writer import check_folder, write_highd

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import Floats, Mask
+from drlsl.traffic.array_kinds import Floats, Mask
 from drlsl.traffic.files import ENCODING, UNREADABLE, open_text, unreadable
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import Floats
+from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.highd_writer import HighdContent
 from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.road import Direction

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import Floats
+from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.tracks import Tracks
 

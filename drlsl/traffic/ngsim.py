@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import Floats
+from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.columns import COMMAS, Kind, Layout, read_columns, read_header
 from drlsl.traffic.ngsim_road import fit_lanes, straighten
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass

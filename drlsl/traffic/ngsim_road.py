@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import Floats
+from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.road import Direction, Lane
 from drlsl.traffic.tracks import Tracks
 

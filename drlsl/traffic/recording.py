@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import NUMBERS, Floats, Ids, LaneIds, Mask
+from drlsl.traffic.array_kinds import NUMBERS, Floats, Ids, LaneIds, Mask
 from drlsl.traffic.road import Direction, Lane
 
 NO_VEHICLE = -1

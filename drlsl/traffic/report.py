@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.traffic.arrays import Floats, LaneIds, Mask
+from drlsl.traffic.array_kinds import Floats, LaneIds, Mask
 from drlsl.traffic.recording import OFF_LANE, Dropped, Frames, Recording, VehicleClass
 
 ENTRANCE = 15.0

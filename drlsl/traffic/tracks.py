@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.arrays import NUMBERS, Floats, Ids, LaneIds
+from drlsl.traffic.array_kinds import NUMBERS, Floats, Ids, LaneIds
 from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, Frames
 from drlsl.traffic.road import Lane
 

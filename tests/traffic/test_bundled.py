@@ -19,7 +19,7 @@ from drlsl.traffic import (
     load_recording,
     recording_report,
 )
-from drlsl.traffic.arrays import Mask
+from drlsl.traffic.array_kinds import Mask
 from drlsl.traffic.generate import HARDEST_BRAKING
 
 HIGHWAYS = ("highway-train", "highway-test")
