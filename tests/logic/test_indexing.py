@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import pytest
@@ -182,3 +183,76 @@ def test_clauses_for_any_first_argument_are_tried_in_their_places(patience: floa
         }
         assert [s["V"] for s in engine.query("p(other, V)")] == [1, 4, 8]
         assert [s["V"] for s in engine.query("p(K, V), V > 4")] == [5, 6, 7, 8]
+
+
+@st.composite
+def _chosen_by_tests(draw: st.DrawFn) -> str:
+    """Clauses that look at the same things, each with a test of its own."""
+    left, right = draw(st.sampled_from([("A", "B")] * 3 + [("A", "1"), ("1", "B"), ("A", "A")]))
+    tests = ["<", ">", "=<", ">=", "=:=", "=\\=", "==", "\\==", "var", "nonvar"]
+    clauses = []
+    for number in range(draw(st.integers(2, 3))):
+        head = draw(st.sampled_from(["A, B"] * 10 + ["B, A", "A, A", "A, 1", "1, B", "f(A), B"]))
+        before = draw(st.sampled_from([""] * 6 + ["nonvar(B), ", "B = 1, "]))
+        test = draw(st.sampled_from(tests))
+        if "var" in test:
+            test = f"{test}({left})"
+        else:
+            one, other = draw(st.sampled_from([(left, right)] * 3 + [(right, left), (f"{left} + 1", right)]))
+            test = f"{one} {test} {other}"
+        after = draw(st.sampled_from(["true", "true", "true", "!", "A = 2", "(A = 2 ; B = 2)"]))
+        clauses.append(f"p({head}, N) :- {before}{test}, {after}, N = {number}.\n")
+    return "".join(clauses)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    program=_chosen_by_tests(),
+    calls=st.lists(
+        st.tuples(*[st.sampled_from(["0", "1", "2", "1.0", "f(1)", "X"])] * 2), min_size=4, max_size=8
+    ),
+)
+def test_clauses_that_tests_choose(program: str, calls: list[tuple[str, str]]) -> None:
+    """A clause whose tests rule out the clauses behind it leaves no choice, and the answers stay the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0)
+        fast, plain = Engine(), Engine(compiled=False)
+        for engine in (fast, plain):
+            engine.consult_text(program)
+        for call in calls:
+            goal = f"p({', '.join(call)}, N)"
+            assert _answers(fast, goal) == _answers(plain, goal), (program, goal)
+
+
+def test_every_pair_of_tests_that_may_choose() -> None:
+    tests = ["A {} B", "B {} A", "A + 1 {} B"]
+    operators = ["<", ">", "=<", ">=", "=:=", "=\\=", "==", "\\=="]
+    goals = [test.format(operator) for test in tests for operator in operators] + ["var(A)", "nonvar(A)"]
+    pairs = list(itertools.product(goals, goals))
+    program = "".join(
+        f"p{at}(A, B, N) :- {first}, N = 0.\np{at}(A, B, N) :- {second}, N = 1.\n"
+        for at, (first, second) in enumerate(pairs)
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0)
+        fast, plain = Engine(), Engine(compiled=False)
+        for engine in (fast, plain):
+            engine.consult_text(program)
+            engine.consult_text("test(G, N) :- catch(G, error(N, _), true).")
+        for at, pair in enumerate(pairs):
+            calls = "member(A, [1, 2.0, _]), member(B, [1, 2])"
+            goal = f"findall(B-N, ({calls}, test(p{at}(A, B, N), N)), L)"
+            assert next(fast.query(goal))["L"] == next(plain.query(goal))["L"], pair
+
+
+@pytest.mark.parametrize("second", ["X > Y", "Y < X", "X > Y, Z = b", "true"])
+def test_a_test_that_rules_out_the_others_leaves_no_choice(second: str) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0)
+        engine = Engine()
+        engine.consult_text(f"p(X, Y, Z) :- X =< Y, Z = a.\np(X, Y, Z) :- {second}.\n")
+        is_over = "setup_call_cleanup(true, p(1, 2, Z), Over = yes), (var(Over) -> R = no ; R = yes), !"
+        assert next(engine.query(is_over))["R"] == ("no" if second == "true" else "yes")
+        with pytest.raises(PrologError, match="sufficiently instantiated") as caught:
+            engine.holds("p(1, Y, Z)")
+        assert caught.value.clause is not None

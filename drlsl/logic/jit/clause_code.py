@@ -14,8 +14,9 @@ from typing import Any
 
 from drlsl.logic.core import CALL, CONTROL, DET, QUICK, Resolver, check_body, joined, term_variables
 from drlsl.logic.errors import PrologError
-from drlsl.logic.jit.code_writer import Function, Module, Scope, build, ensure, is_atom
+from drlsl.logic.jit.code_writer import Function, Module, Scope, build, conjuncts, ensure, is_atom
 from drlsl.logic.jit.fact_rows import emit_row_match
+from drlsl.logic.jit.guards import Guard
 from drlsl.logic.jit.inline_arithmetic import COMPARISONS, emit_comparison, emit_is
 from drlsl.logic.jit.term_matching import emit_deref, emit_unify
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, make_list
@@ -86,6 +87,29 @@ class BodyEmitter:
         self._clause = clause
         check_body(joined(clause.body), clause.body)
         self._sequence(place, conjuncts(with_cuts(clause.body, Struct("$cut", (height, 0)))), height)
+
+    def is_guard(self, goal: Term) -> bool:
+        """Whether a goal is a test that is sure to bind nothing."""
+        return self._is_simple(goal) and self._is_pure(goal)
+
+    def emit_guarded(self, place: Place, clause: Any, height: Var, guard: Guard) -> None:
+        """Emit a clause's body, with the code going on behind it where the guard does not hold.
+
+        What the first test makes known of the scope is known there too.
+        """
+        self._clause = clause
+        check_body(joined(clause.body), clause.body)
+        tests, goals = guard
+        function = place.function
+        depth = function.indent
+        inner = place
+        for test in tests:
+            function.emit(f"if {self._simple_test(inner, test)}:")
+            function.indent += 1
+            inner = replace(inner, scope=inner.scope.copy())
+        cut = Struct("$cut", (height, 0))
+        self._sequence(inner, [with_cuts(goal, cut) for goal in goals])
+        function.indent = depth
 
     # ------------------------------------------------------------------ sequences
 
@@ -544,19 +568,6 @@ class BodyEmitter:
         function.indent = depth
         function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
         return result
-
-
-def conjuncts(body: Term) -> list[Term]:
-    """The goals that a conjunction joins, dereferenced."""
-    goals: list[Term] = []
-    todo = [body]
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Struct and term.name == "," and len(term.args) == 2:
-            todo.extend(reversed(term.args))
-        else:
-            goals.append(term)
-    return goals
 
 
 def with_cuts(body: Term, cut: Struct) -> Term:

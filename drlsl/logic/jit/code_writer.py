@@ -212,3 +212,16 @@ def depth_of(term: Term) -> int:
 def is_atom(term: Term, name: str) -> bool:
     """Whether a dereferenced term is the atom of that name."""
     return type(term) is Atom and term.name == name
+
+
+def conjuncts(body: Term) -> list[Term]:
+    """The goals that a conjunction joins, dereferenced."""
+    goals: list[Term] = []
+    todo = [body]
+    while todo:
+        term = deref(todo.pop())
+        if type(term) is Struct and term.name == "," and len(term.args) == 2:
+            todo.extend(reversed(term.args))
+        else:
+            goals.append(term)
+    return goals

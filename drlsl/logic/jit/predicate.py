@@ -22,6 +22,7 @@ from drlsl.logic.core import (
 )
 from drlsl.logic.jit.clause_code import BodyEmitter, Place, has_cut
 from drlsl.logic.jit.code_writer import Module, Namespace, Scope
+from drlsl.logic.jit.guards import Guard, guard_of
 from drlsl.logic.jit.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
 from drlsl.logic.jit.term_matching import emit_deref, emit_known, emit_match
 from drlsl.logic.terms import Atom, Struct, Var, deref
@@ -79,6 +80,7 @@ class _PredicateCompiler:
         self._function = self._module.function("entry")
         self._holes = open_positions(self._clauses, own)
         self._unbound = unbound
+        self._values: dict[int, str] = {}  # locals with the values of arguments as expressions, by position
         self._loops = False  # whether a clause jumps back to the beginning
         # The clauses that are tried one after the other, rather than alone.
         self._chained: set[int] = set()
@@ -92,8 +94,10 @@ class _PredicateCompiler:
         begin = len(function.lines)
         function.emit("while True:")
         function.indent += 1
-        if len(self._clauses) == 1:
-            self._only_clause(0, first_known=False)
+        guards = self._guards()
+        if guards is not None:
+            for number, guard in enumerate(guards):
+                self._only_clause(number, guard=guard)
         else:
             self._switch()
             if self._chained:
@@ -111,6 +115,16 @@ class _PredicateCompiler:
         for position in self._holes:
             close_hole(function, position)
         function.emit(f"return m.rest(({', '.join(['entry, 0, None', *self._args, 'k'])}))")
+
+    def _guards(self) -> list[Guard | None] | None:
+        """What the clauses but the last begin with, if that alone decides between them."""
+        guards: list[Guard | None] = []
+        for number, clause in enumerate(self._clauses[:-1], 1):
+            guard = guard_of(clause, self._clauses[number:], self._emitter.is_guard)
+            if guard is None:
+                return None
+            guards.append(guard)
+        return [*guards, None]
 
     def _alternatives(self) -> None:
         """Try the clauses of a chain one after the other."""
@@ -216,8 +230,8 @@ class _PredicateCompiler:
 
     # ------------------------------------------------------------------ clauses
 
-    def _only_clause(self, number: int, *, first_known: bool) -> None:
-        """A clause without alternatives: its failure is the call's."""
+    def _only_clause(self, number: int, *, first_known: bool = False, guard: Guard | None = None) -> None:
+        """A clause without alternatives, or with none once its guard holds: its failure is the call's."""
         function, clause, args = self._function, self._clauses[number], self._args
         height = Var("Height")
         scope = Scope({height: "h"})
@@ -244,8 +258,17 @@ class _PredicateCompiler:
                 emit_known(function, scope, pattern, name, fail)
             else:
                 emit_match(function, scope, pattern, name, fail)
+        names = {
+            position: arg for position, each in enumerate(clause.args) if type(arg := deref(each)) is Var
+        }
+        scope.numbers.update((names[at], value) for at, value in self._values.items() if at in names)
         place = Place(function, scope, fail, loop=jump)
-        self._emitter.emit_clause(place, clause, height)
+        if guard is None:
+            self._emitter.emit_clause(place, clause, height)
+        else:
+            self._emitter.emit_guarded(place, clause, height, guard)
+            numbers = scope.numbers
+            self._values = {at: numbers[name] for at, name in names.items() if name in numbers}
 
     def _clause_of_chain(self, number: int) -> None:
         """A clause with others behind it."""
