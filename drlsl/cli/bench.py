@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
+from drlsl.cli.options import AsJson
+
 app = typer.Typer(help="Measure speeds, medians of several runs.", no_args_is_help=True)
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Runs = Annotated[int, typer.Option(min=1, help="Runs of each measurement; the median counts.")]
 
 

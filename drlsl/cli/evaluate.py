@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from drlsl.cli.options import Direction
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -44,7 +46,7 @@ def evaluate(
         str | None, typer.Option(help="Recording to drive in; default: that of the training.")
     ] = None,
     direction: Annotated[
-        Literal["both", "left_to_right", "right_to_left"] | None,
+        Direction | None,
         typer.Option(help="Carriageway to drive on; default: that of the training."),
     ] = None,
     rules: Annotated[

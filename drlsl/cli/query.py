@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drlsl.cli.failures import failures_as_errors
+from drlsl.cli.options import AsJson, Rules
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -18,43 +19,45 @@ if TYPE_CHECKING:
     from drlsl.driving.shield import Decision, Shield
 
 
+Actions = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="ACTION...", help="Actions that --what-if examines; default: every action."),
+]
+Goal = Annotated[
+    str | None,
+    typer.Option("--goal", metavar="GOAL", help="Run this goal in the scene and print its solutions."),
+]
+Explain = Annotated[
+    bool,
+    typer.Option(
+        "--explain",
+        help="Print the proof of every safe action and of the speed, and why others have none.",
+    ),
+]
+WhatIf = Annotated[
+    bool,
+    typer.Option(
+        "--what-if", help="Print the least change of a gap or a speed that would change the decision."
+    ),
+]
+Picture = Annotated[
+    Path | None,
+    typer.Option(
+        "--picture", metavar="FILE", help="Draw the decision and its reasons here, as .png, .pdf or .svg."
+    ),
+]
+
+
 def query(
     state: Annotated[
         Path, typer.Option("--state", metavar="FILE", help="The scene, as JSON; docs/scene.md describes it.")
     ],
-    actions: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="ACTION...", help="Actions that --what-if examines; default: every action."),
-    ] = None,
-    rules: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."
-        ),
-    ] = None,
-    goal: Annotated[
-        str | None,
-        typer.Option("--goal", metavar="GOAL", help="Run this goal in the scene and print its solutions."),
-    ] = None,
-    explain: Annotated[
-        bool,
-        typer.Option(
-            "--explain",
-            help="Print the proof of every safe action and of the speed, and why others have none.",
-        ),
-    ] = False,
-    what_if: Annotated[
-        bool,
-        typer.Option(
-            "--what-if", help="Print the least change of a gap or a speed that would change the decision."
-        ),
-    ] = False,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            "--picture", metavar="FILE", help="Draw the decision and its reasons here, as .png, .pdf or .svg."
-        ),
-    ] = None,
+    actions: Actions = None,
+    rules: Rules = None,
+    goal: Goal = None,
+    explain: Explain = False,
+    what_if: WhatIf = False,
+    picture: Picture = None,
     time_limit: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.1, help="For one action, with --what-if.")
     ] = 10.0,
@@ -62,7 +65,7 @@ def query(
         Path | None,
         typer.Option(metavar="DIR", help="Write the changed scenes of --what-if here, as scene files."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Print which actions are safe in a scene, what speaks against the others, and the target speed."""
     from drlsl.driving.scene import load_scene

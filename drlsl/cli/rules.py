@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from drlsl.cli import rules_test, verify
+from drlsl.cli.options import RuleFiles
 
 if TYPE_CHECKING:
     from drlsl.logic import Engine
@@ -23,10 +24,6 @@ app = typer.Typer(
 app.command("test")(rules_test.run_tables)
 app.command("verify")(verify.verify)
 
-Files = Annotated[
-    list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
-]
-
 
 class Tier(StrEnum):
     """The kinds of generated code."""
@@ -37,7 +34,7 @@ class Tier(StrEnum):
 
 
 @app.command()
-def check(files: Files = None) -> None:
+def check(files: RuleFiles = None) -> None:
     """Report which tiers can run each predicate, and every finding; exit status 1 if there is one."""
     from drlsl.driving.scene import SCHEMA
     from drlsl.driving.shield import ASKED
@@ -92,7 +89,7 @@ def _print_wrapped(words: Iterable[str]) -> None:
 
 @app.command()
 def show(
-    files: Files = None,
+    files: RuleFiles = None,
     tier: Annotated[Tier, typer.Option("--tier", help="Which code to print.")] = Tier.SCALAR,
     goals: Annotated[
         list[str] | None,
@@ -135,7 +132,7 @@ def _source(tier: Tier, lowered: Lowered) -> str:
 
 
 @app.command()
-def shell(files: Files = None) -> None:
+def shell(files: RuleFiles = None) -> None:
     """Answer queries of a rule program, explain them, and reload changed files."""
     from drlsl.cli.shell import run_shell
     from drlsl.driving.shield import default_rules, rule_file, rules_folder

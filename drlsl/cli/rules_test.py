@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drlsl.cli.options import AsJson, RuleFiles
+
 if TYPE_CHECKING:
     from drlsl.assurance import Coverage, Outcome, Score, Verdict, Witness
 
@@ -24,9 +26,7 @@ class ArrayTier(StrEnum):
 
 
 def run_tables(
-    files: Annotated[
-        list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
-    ] = None,
+    files: RuleFiles = None,
     tables: Annotated[
         list[Path] | None,
         typer.Option(
@@ -49,7 +49,7 @@ def run_tables(
         bool, typer.Option("--mutate", help="Put slips into the rules and say which go unnoticed.")
     ] = False,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes that --mutate uses.")] = 1,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run tables of scenes with expected answers on the interpreter and on the compiled tiers.
 

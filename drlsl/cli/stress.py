@@ -9,42 +9,49 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import typer
 
+from drlsl.cli.options import AsJson, Direction, Rules, check_new
+
 if TYPE_CHECKING:
     from drlsl.driving import Counts, EnvConfig, StressReport
 
 Offers: TypeAlias = Literal["rules", "prediction", "all"]
 
 
+Recordings = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="Bundled recordings' names, highD folders or NGSIM files to drive in; none: all bundled."
+    ),
+]
+Policy = Annotated[
+    Literal["all", "random", "always-change", "adversarial"],
+    typer.Option(help="How to choose among the offered actions; all: the episodes take turns."),
+]
+Offered = Annotated[
+    Offers | None,
+    typer.Option(
+        help="Who says which actions are offered: rules, a linear prediction, or nobody. The rules say "
+        "how fast to go in any case.",
+        show_default="rules",
+    ),
+]
+OldOffers = Annotated[
+    Literal["rules", "prediction", "none"] | None,
+    typer.Option(hidden=True, help="The name of --offers until 0.2; its none is all."),
+]
+SceneFolder = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Write the worst contacts here, as scenes for drlsl query."),
+]
+
+
 def stress(
-    recording: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="Bundled recordings' names, highD folders or NGSIM files to drive in; none: all bundled."
-        ),
-    ] = None,
-    policy: Annotated[
-        Literal["all", "random", "always-change", "adversarial"],
-        typer.Option(help="How to choose among the offered actions; all: the episodes take turns."),
-    ] = "all",
-    offers: Annotated[
-        Offers | None,
-        typer.Option(
-            help="Who says which actions are offered: rules, a linear prediction, or nobody. The rules say "
-            "how fast to go in any case.",
-            show_default="rules",
-        ),
-    ] = None,
-    shield: Annotated[
-        Literal["rules", "prediction", "none"] | None,
-        typer.Option(hidden=True, help="The name of --offers until 0.2; its none is all."),
-    ] = None,
+    recording: Recordings = None,
+    policy: Policy = "all",
+    offers: Offered = None,
+    shield: OldOffers = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
-    rules: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--rules", metavar="FILE", help="A rule file instead of highway.pl; give it again for more."
-        ),
-    ] = None,
+    rules: Rules = None,
     horizon: Annotated[
         float | None, typer.Option(help="Seconds that the prediction looks ahead; default: 3.")
     ] = None,
@@ -56,27 +63,21 @@ def stress(
     speed_noise: Annotated[float, typer.Option(help="Metres a second by which speeds seen are wrong.")] = 0.0,
     drop_rate: Annotated[float, typer.Option(help="Share of the vehicles that are not seen.")] = 0.0,
     latency: Annotated[float, typer.Option(help="Age of the sensed state in seconds.")] = 0.0,
-    direction: Annotated[
-        Literal["both", "left_to_right", "right_to_left"], typer.Option(help="Which way the ego drives.")
-    ] = "both",
+    direction: Annotated[Direction, typer.Option(help="Which way the ego drives.")] = "both",
     tier: Annotated[
         Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"],
         typer.Option(help="Tier that runs the rules."),
     ] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write the worst contacts here, as scenes for drlsl query."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    out: SceneFolder = None,
+    as_json: AsJson = False,
 ) -> None:
     """Drive episodes with policies that look for trouble among the offered actions, and count contacts."""
     from drlsl.driving import POLICIES
-    from drlsl.errors import UserError
+    from drlsl.driving.scene import write_scenes
     from drlsl.traffic import bundled_recordings
 
-    if out is not None and out.exists():
-        raise UserError(f"{out} exists; name a new folder for the scenes")
+    check_new(out)
     config = _config(
         recording=tuple(recording or bundled_recordings()),
         direction=direction,
@@ -94,7 +95,7 @@ def stress(
     )
     report = _run(config, list(POLICIES) if policy == "all" else [policy], episodes, seed)
     if out is not None:
-        _write_worst(report, out)
+        write_scenes(out, {record.name: record.scene for record in report.worst})
     print(json.dumps(report.as_json(), indent=2) if as_json else _report(report))
 
 
@@ -184,12 +185,3 @@ _ROWS: Final[dict[str, Callable[[Counts], str]]] = {
     "contacts not at fault": lambda counts: str(counts.contacts_not_at_fault),
     "fail-safe steps": lambda counts: str(counts.fail_safe),
 }
-
-
-def _write_worst(report: StressReport, out: Path) -> None:
-    """Write a scene file for each of the worst contacts."""
-    from drlsl.driving.scene import scene_json
-
-    out.mkdir(parents=True)
-    for record in report.worst:
-        (out / f"{record.name}.json").write_text(scene_json(record.scene), encoding="utf-8")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from drlsl.cli.options import Direction, Rules
 from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.errors import UserError
 
@@ -30,55 +31,53 @@ PLAIN_LINES = 20
 """About how many progress lines are printed where there is no terminal."""
 
 
+Config = Annotated[
+    Path | None, typer.Option(help="YAML file with settings; settings not in it keep their defaults.")
+]
+Preset = Annotated[
+    str | None, typer.Option(help="Settings that ship with DRLSL: quick (default), paper or tiny.")
+]
+Recording = Annotated[
+    str | None, typer.Option(help="Bundled recording, highD folder or NGSIM file to drive in.")
+]
+Carriageway = Annotated[Direction | None, typer.Option(help="Carriageway to drive on.")]
+Method = Annotated[
+    Literal["dqn", "mpsdqn", "dqnsl"] | None,
+    typer.Option(help="dqn: all actions; dqnsl: those the rules find safe; mpsdqn: a linear prediction."),
+]
+Network = Annotated[
+    str | None,
+    typer.Option(help="mlp, dueling, or a function of yours: FILE.py:FUNCTION or PACKAGE.MODULE:FUNCTION."),
+]
+Bootstrap = Annotated[
+    Literal["all", "safe"] | None, typer.Option(help="Actions that the target's maximum runs over.")
+]
+NumEnvs = Annotated[int | None, typer.Option(help="Environments driven in step; several are faster.")]
+Device = Annotated[Literal["auto", "cpu", "cuda"] | None, typer.Option(help="Where the network lives.")]
+CheckpointEvery = Annotated[int | None, typer.Option(help="Episodes from one checkpoint to the next.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Any other setting of --print-config; may be repeated."),
+]
+
+
 def train(
-    config: Annotated[
-        Path | None, typer.Option(help="YAML file with settings; settings not in it keep their defaults.")
-    ] = None,
-    preset: Annotated[
-        str | None, typer.Option(help="Settings that ship with DRLSL: quick (default), paper or tiny.")
-    ] = None,
-    recording: Annotated[
-        str | None, typer.Option(help="Bundled recording, highD folder or NGSIM file to drive in.")
-    ] = None,
-    direction: Annotated[
-        Literal["both", "left_to_right", "right_to_left"] | None,
-        typer.Option(help="Carriageway to drive on."),
-    ] = None,
-    rules: Annotated[
-        list[Path] | None, typer.Option(help="Rule file to consult instead of highway.pl; may be repeated.")
-    ] = None,
+    config: Config = None,
+    preset: Preset = None,
+    recording: Recording = None,
+    direction: Carriageway = None,
+    rules: Rules = None,
     track_length: Annotated[float | None, typer.Option(help="Metres of an episode.")] = None,
-    method: Annotated[
-        Literal["dqn", "mpsdqn", "dqnsl"] | None,
-        typer.Option(help="dqn: all actions; dqnsl: those the rules find safe; mpsdqn: a linear prediction."),
-    ] = None,
-    network: Annotated[
-        str | None,
-        typer.Option(
-            help="mlp, dueling, or a function of yours: FILE.py:FUNCTION or PACKAGE.MODULE:FUNCTION."
-        ),
-    ] = None,
-    bootstrap: Annotated[
-        Literal["all", "safe"] | None, typer.Option(help="Actions that the target's maximum runs over.")
-    ] = None,
+    method: Method = None,
+    network: Network = None,
+    bootstrap: Bootstrap = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes of training.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all that is random.")] = None,
-    num_envs: Annotated[
-        int | None, typer.Option(help="Environments driven in step; several are faster.")
-    ] = None,
-    device: Annotated[
-        Literal["auto", "cpu", "cuda"] | None, typer.Option(help="Where the network lives.")
-    ] = None,
+    num_envs: NumEnvs = None,
+    device: Device = None,
     threads: Annotated[int | None, typer.Option(help="PyTorch's CPU threads.")] = None,
-    checkpoint_every: Annotated[
-        int | None, typer.Option(help="Episodes from one checkpoint to the next.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Any other setting of --print-config; may be repeated."
-        ),
-    ] = None,
+    checkpoint_every: CheckpointEvery = None,
+    settings: Settings = None,
     out: Annotated[Path | None, typer.Option(help="Run folder; default: a new one in runs/.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Resume the run in --out.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the run in --out.")] = False,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
+from drlsl.cli.options import AsJson, RuleFiles, check_new
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -27,41 +28,45 @@ class Solver(StrEnum):
     BOTH = "both"
 
 
+Properties = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--property",
+        metavar="FILE",
+        help="A file of properties instead of properties.pl; give it again for more.",
+    ),
+]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--only", metavar="NAME", help="Only this property; give it again for more."),
+]
+AttackScenes = Annotated[
+    int | None,
+    typer.Option(
+        min=0, metavar="N", help="Scenes with which to attack what is proved, 0: none; default: 200000."
+    ),
+]
+SceneFolder = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Write the scenes that break a property here, with pictures."),
+]
+
+
 def verify(
-    files: Annotated[
-        list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
-    ] = None,
-    properties: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--property",
-            metavar="FILE",
-            help="A file of properties instead of properties.pl; give it again for more.",
-        ),
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME", help="Only this property; give it again for more."),
-    ] = None,
+    files: RuleFiles = None,
+    properties: Properties = None,
+    only: Only = None,
     vehicles: Annotated[int, typer.Option(min=0, help="Up to so many vehicles besides the ego.")] = 6,
     time_limit: Annotated[
         float, typer.Option(min=0.1, help="Seconds for one property on one kind of road.")
     ] = 60.0,
-    attack: Annotated[
-        int | None,
-        typer.Option(
-            min=0, metavar="N", help="Scenes with which to attack what is proved, 0: none; default: 200000."
-        ),
-    ] = None,
+    attack: AttackScenes = None,
     solver: Annotated[
         Solver, typer.Option(help="Who proves; both: cvc5 is asked again what z3 has proved.")
     ] = Solver.Z3,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write the scenes that break a property here, with pictures."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    out: SceneFolder = None,
+    as_json: AsJson = False,
 ) -> None:
     """Prove properties over all scenes, or find one that breaks them; status 1 unless all are proved."""
     from drlsl.errors import UserError
@@ -74,8 +79,7 @@ def verify(
     from drlsl.verify import verify as run
     from drlsl.verify.attack import SCENES
 
-    if out is not None and out.exists():
-        raise UserError(f"{out} exists; name a new folder for the scenes")
+    check_new(out)
     request = Request(
         rules=tuple(files or ()),
         properties=tuple(properties or ()),

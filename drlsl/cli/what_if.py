@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from drlsl.cli.failures import failures_as_errors
+from drlsl.cli.options import check_new
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -37,8 +38,7 @@ def print_what_if(
     if find_spec("z3") is None:
         raise UserError("a what-if needs z3-solver: pip install 'drlsl[verify]'")
     actions = _actions(names)
-    if out is not None and out.exists():
-        raise UserError(f"{out} exists; name a new folder for the scenes")
+    check_new(out)
     from drlsl.counterfactual import what_if
     from drlsl.driving.explain import objections_to
 
@@ -67,22 +67,15 @@ def _actions(names: Sequence[str]) -> list[Action]:
 
 def _write(answers: Sequence[Answer], out: Path) -> list[Path]:
     """Write the changed scenes; return their files."""
-    from drlsl.driving.scene import scene_json
-    from drlsl.errors import UserError
+    from drlsl.driving.scene import write_scenes
 
     scenes = {
-        f"{answer.action.atom}.{kind}.json": finding.scene
+        f"{answer.action.atom}.{kind}": finding.scene
         for answer in answers
         for kind, finding in answer.findings().items()
         if finding is not None and finding.scene is not None
     }
-    try:
-        out.mkdir(parents=True)
-        for name, scene in scenes.items():
-            (out / name).write_text(scene_json(scene), encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"cannot write {out}: {error.strerror}") from error
-    return [out / name for name in scenes]
+    return write_scenes(out, scenes)
 
 
 # ---------------------------------------------------------------- words

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from drlsl.driving.explain import draw_scene, objections, save_picture
-from drlsl.driving.scene import Scene, scene_json
+from drlsl.driving.scene import Scene, write_scenes
 from drlsl.driving.shield import RuleFailure, Shield
 from drlsl.errors import UserError
 from drlsl.logic import LimitExceeded, PrologError
@@ -16,9 +16,8 @@ def write_counterexample(request: Request, result: Result, folder: Path) -> list
     """Write the scene that breaks a property, its images and a picture of it; returns the files."""
     found = result.counterexample
     assert found is not None
-    written = [_written(folder / f"{result.name}.json", found.scene)]
-    for image, scene in found.images:
-        written.append(_written(folder / f"{result.name}.{image}.json", scene))
+    images = {f"{result.name}.{image}": scene for image, scene in found.images}
+    written = write_scenes(folder, {result.name: found.scene, **images})
     caption, notes = _decision(request, found.scene)
     for image, scene in found.images:
         other, more = _decision(request, scene)
@@ -38,11 +37,6 @@ def write_counterexample(request: Request, result: Result, folder: Path) -> list
     path = folder / f"{result.name}.png"
     save_picture(figure, path)
     return [*written, path]
-
-
-def _written(path: Path, scene: Scene) -> Path:
-    path.write_text(scene_json(scene), encoding="utf-8")
-    return path
 
 
 def _decision(request: Request, scene: Scene) -> tuple[str, dict[str, str]]:

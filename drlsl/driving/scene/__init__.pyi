@@ -5,7 +5,7 @@ from .ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO
 from .facts import SCHEMA, Facts, Row, facts_of, road_facts, scene_facts
 from .model import EGO, Road, Scene, Vehicle, bumper_gap
 from .rows import copied, put_rows
-from .scene_file import load_scene, parse_scene, scene_json
+from .scene_file import load_scene, parse_scene, scene_json, write_scenes
 
 __all__ = [
     "ACCELERATION_LIMIT",
@@ -35,4 +35,5 @@ __all__ = [
     "scene_facts",
     "scene_json",
     "several_actions",
+    "write_scenes",
 ]

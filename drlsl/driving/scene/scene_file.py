@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -192,6 +192,22 @@ def scene_json(scene: Scene) -> str:
         "vehicles": [{"id": vehicle.id, **_box_json(vehicle)} for vehicle in scene.vehicles],
     }
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def write_scenes(folder: Path, scenes: Mapping[str, Scene]) -> list[Path]:
+    """Write a scene file for each name into a folder, which is made; return the files.
+
+    Raises:
+        UserError: they cannot be written.
+    """
+    files = {folder / f"{name}.json": scene for name, scene in scenes.items()}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path, scene in files.items():
+            path.write_text(scene_json(scene), encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"cannot write {folder}: {error.strerror}") from error
+    return list(files)
 
 
 def _box_json(vehicle: Vehicle) -> dict[str, float | int]:
