@@ -2,16 +2,15 @@
 
 import os
 import platform
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import Self
 
 import filelock
 
 from drlsl.errors import UserError
 
 
-class FolderLock:
+class FolderLock(AbstractContextManager["FolderLock"]):
     """A lock that ends with the process, however it ends; a lock file left behind locks nobody out.
 
     The file names the holder. As a context manager it is released at the end.
@@ -40,9 +39,6 @@ class FolderLock:
     def release(self) -> None:
         """Release the lock; releasing it twice does no harm."""
         self._lock.release()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.release()

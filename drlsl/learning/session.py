@@ -1,6 +1,7 @@
 """A training run in its folder: starting, resuming and finishing it."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,7 +20,7 @@ from drlsl.learning.rundir import RunFolder
 from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
 
 
-class Session:
+class Session(AbstractContextManager["Session"]):
     """A trainer and the run folder that records it, locked against others until it is closed.
 
     As a context manager it is closed at the end.
@@ -81,9 +82,6 @@ class Session:
     def close(self) -> None:
         """Unlock the folder."""
         self._lock.release()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()

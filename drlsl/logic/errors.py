@@ -62,6 +62,8 @@ class PrologError(Exception):
     """
 
     catchable: ClassVar[bool] = True
+    words: ClassVar[str] = ""
+    """What went wrong, with the arguments of the error term by their places; none: the ball says it."""
 
     def __init__(self, term: Term, *, goal: Term | None = None, clause: str | None = None) -> None:
         super().__init__(term)
@@ -81,6 +83,8 @@ class PrologError(Exception):
 
     def message(self) -> str:
         """What went wrong, without where."""
+        if self.words:
+            return self.words.format(*map(self._part, range(3)))
         return f"uncaught exception: {_show(self.term)}"
 
     def __str__(self) -> str:
@@ -98,57 +102,49 @@ class PrologError(Exception):
 class InstantiationError(PrologError):
     """An argument is a variable, or holds one, where a bound term is needed."""
 
-    def message(self) -> str:
-        return "instantiation error: an argument is not sufficiently instantiated"
+    words = "instantiation error: an argument is not sufficiently instantiated"
 
 
 class PrologTypeError(PrologError):
     """An argument is of the wrong type."""
 
-    def message(self) -> str:
-        return f"type error: expected {self._part(0)}, found {self._part(1)}"
+    words = "type error: expected {0}, found {1}"
 
 
 class DomainError(PrologError):
     """An argument is of the right type and outside the domain."""
 
-    def message(self) -> str:
-        return f"domain error: expected {self._part(0)}, found {self._part(1)}"
+    words = "domain error: expected {0}, found {1}"
 
 
 class ExistenceError(PrologError):
     """An object that an operation needs does not exist."""
 
-    def message(self) -> str:
-        return f"existence error: {self._part(0)} {self._part(1)} does not exist"
+    words = "existence error: {0} {1} does not exist"
 
 
 class PrologPermissionError(PrologError):
     """An operation is not permitted on its object."""
 
-    def message(self) -> str:
-        return f"permission error: no permission to {self._part(0)} {self._part(1)} {self._part(2)}"
+    words = "permission error: no permission to {0} {1} {2}"
 
 
 class RepresentationError(PrologError):
     """An implementation limit does not let the term be represented."""
 
-    def message(self) -> str:
-        return f"representation error: {self._part(0)}"
+    words = "representation error: {0}"
 
 
 class EvaluationError(PrologError):
     """An arithmetic operation has no value."""
 
-    def message(self) -> str:
-        return f"evaluation error: {self._part(0)}"
+    words = "evaluation error: {0}"
 
 
 class ResourceError(PrologError):
     """A limit on time, steps, depth or memory is exhausted."""
 
-    def message(self) -> str:
-        return f"resource error: {self._part(0)}"
+    words = "resource error: {0}"
 
 
 class Halt(PrologError):

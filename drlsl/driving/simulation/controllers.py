@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -30,23 +30,27 @@ LANE_INTEGRAL_BAND: Final = 0.5
 
 
 @dataclass
-class SpeedController:
-    """PI control of the speed along the road; state of shape (N,).
-
-    The proportional gain is one over the time step, so that the ego accelerates exactly as the rules demand:
-    any less would brake less than the rules derived to be safe.
-    """
+class _Controller:
+    """What the two controllers remember: the integral of the error, shape (N,)."""
 
     integral: Floats
 
     @classmethod
-    def for_egos(cls, count: int) -> SpeedController:
+    def for_egos(cls, count: int) -> Self:
         """Return a controller for `count` egos, at rest."""
         return cls(np.zeros(count))
 
     def reset(self, ego: int) -> None:
         """Reset the integral of one ego."""
         self.integral[ego] = 0.0
+
+
+class SpeedController(_Controller):
+    """PI control of the speed along the road; state of shape (N,).
+
+    The proportional gain is one over the time step, so that the ego accelerates exactly as the rules demand:
+    any less would brake less than the rules derived to be safe.
+    """
 
     def acceleration(self, speed: Floats, target: Floats, dt: Floats) -> Floats:
         """Return accelerations [m/s²] for speeds, target speeds [m/s] and time steps [s], all (N,)."""
@@ -57,24 +61,12 @@ class SpeedController:
         return limited
 
 
-@dataclass
-class LaneController:
+class LaneController(_Controller):
     """PI control of the place across the road; state of shape (N,).
 
     The offset from the target lane's centre demands a sideways speed, limited; the sideways acceleration,
     limited too, aims at that speed within one step.
     """
-
-    integral: Floats
-
-    @classmethod
-    def for_egos(cls, count: int) -> LaneController:
-        """Return a controller for `count` egos, at rest."""
-        return cls(np.zeros(count))
-
-    def reset(self, ego: int) -> None:
-        """Reset the integral of one ego."""
-        self.integral[ego] = 0.0
 
     def acceleration(self, y: Floats, vy: Floats, target_y: Floats, dt: Floats) -> Floats:
         """Return sideways accelerations [m/s²] for places [m], speeds [m/s] and time steps [s], all (N,)."""

@@ -5,7 +5,7 @@ Source: ISO 13211-1, 8.8 and 8.9.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Final
 
@@ -18,6 +18,7 @@ from drlsl.logic.core import (
     Caller,
     Clause,
     Deep,
+    Indicator,
     Predicate,
     Trail,
     callable_parts,
@@ -223,14 +224,22 @@ def abolish(machine: Caller, term: Term) -> bool:
     return True
 
 
-def declare(machine: Caller, specification: Term, *, what: str) -> bool:
-    """Give predicates a property; all of them, or none when one of them is a builtin."""
-    named = indicators(specification)
+def to_declare(machine: Caller, named: Sequence[Indicator]) -> list[Predicate]:
+    """Return the predicates of these names and arities, to be given a property.
+
+    Raises:
+        PrologPermissionError: One of them is a builtin.
+    """
     for name, arity in named:
         if is_builtin(name, arity):
             raise permission_error("modify", "static_procedure", name_term(name, arity))
-    for name, arity in named:
-        predicate = machine.program.get(name, arity)
+    return [machine.program.get(name, arity) for name, arity in named]
+
+
+def declare(machine: Caller, specification: Term, *, what: str) -> bool:
+    """Give predicates a property; all of them, or none when one of them is a builtin."""
+    for predicate in to_declare(machine, indicators(specification)):
+        name, arity = predicate.indicator
         if what == "dynamic" and predicate.defined and not predicate.dynamic and predicate.clauses:
             raise permission_error("modify", "static_procedure", name_term(name, arity))
         if what == "dynamic":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drlsl.logic.builtins.arguments import indicator, members
-from drlsl.logic.builtins.database import is_builtin, name_term
+from drlsl.logic.builtins.database import to_declare
 from drlsl.logic.core import Caller, Indicator, call_table, det
 from drlsl.logic.errors import PrologPermissionError, permission_error
 from drlsl.logic.terms import Struct, Term
@@ -37,12 +37,7 @@ def _indicators(specification: Term) -> list[Indicator]:
 @det("table", 1)
 def table(machine: Caller, specification: Term) -> bool:
     """Have calls of predicates answered from tables."""
-    named = _indicators(specification)
-    for name, arity in named:
-        if is_builtin(name, arity):
-            raise permission_error("modify", "static_procedure", name_term(name, arity))
-    for name, arity in named:
-        predicate = machine.program.get(name, arity)
+    for predicate in to_declare(machine, _indicators(specification)):
         predicate.tabled = call_table
         predicate.defined = True
         predicate.changed()
