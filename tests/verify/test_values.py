@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.verify.smt import Algebra, Bool, Polynomial, Value
+from drlsl.verify.smt.polynomials import evaluate
 from drlsl.verify.smt.signature import signature
-from drlsl.verify.smt.symbolic import evaluate
 from drlsl.verify.smt.values import Choice
 
 NUMBERS = st.fractions(min_value=-20, max_value=20, max_denominator=8)

@@ -6,8 +6,11 @@ gone before a solver sees it; `drlsl.verify.smt.solver` hands on what is left.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
 from typing import Any, Final, Literal, TypeAlias
+
+from drlsl.verify.smt.polynomials import Monomial, evaluate
 
 Op: TypeAlias = Literal["true", "false", "flag", "above", "atleast", "zero", "not", "and", "or"]
 
@@ -117,3 +120,23 @@ def leaves(roots: Iterable[Bool]) -> dict[Bool, None]:
         elif one.op not in ("true", "false"):
             found[one] = None
     return found
+
+
+def holds(
+    truth: Bool,
+    numbers: Mapping[int, Fraction],
+    flags: Mapping[str, bool],
+    products: Mapping[Monomial, Fraction] | None = None,
+) -> bool:
+    """Whether a formula is true of these numbers; `products` may be numbers of their own."""
+    if truth.op in ("true", "false"):
+        return truth.op == "true"
+    if truth.op == "not":
+        return not holds(truth.args[0], numbers, flags, products)
+    if truth.op in ("and", "or"):
+        parts = (holds(arg, numbers, flags, products) for arg in truth.args)
+        return all(parts) if truth.op == "and" else any(parts)
+    if truth.op == "flag":
+        return flags[truth.data]
+    value = evaluate(truth.data, numbers, products)
+    return value == 0 if truth.op == "zero" else value > 0 if truth.op == "above" else value >= 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from math import prod
 from typing import Final, TypeAlias
 
 Monomial: TypeAlias = tuple[tuple[int, int], ...]
@@ -73,6 +74,19 @@ def times(one: Monomial, other: Monomial) -> Monomial:
     for unknown, power in other:
         powers[unknown] = powers.get(unknown, 0) + power
     return tuple(sorted((unknown, power) for unknown, power in powers.items() if power))
+
+
+def evaluate(
+    polynomial: Polynomial,
+    numbers: Mapping[int, Fraction],
+    products: Mapping[Monomial, Fraction] | None = None,
+) -> Fraction:
+    """The value of a polynomial for these values of its unknowns; `products` may be numbers of their own."""
+    total = Fraction(0)
+    for monomial, factor in polynomial.terms.items():
+        known = products.get(monomial) if products else None
+        total += factor * (prod(numbers[u] ** power for u, power in monomial) if known is None else known)
+    return total
 
 
 class Ring:

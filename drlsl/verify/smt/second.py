@@ -5,14 +5,13 @@ It translates formulas by itself, so that an error there shows as well as one of
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import prod
 from typing import Any, Final, Literal, TypeAlias
 
 from drlsl.errors import UserError
-from drlsl.verify.smt.booleans import Bool
+from drlsl.verify.smt.booleans import Bool, holds
 from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rational, Ring
 
 SolverChoice: TypeAlias = Literal["z3", "cvc5", "both"]
@@ -139,33 +138,6 @@ class Cvc5:
             return False  # an algebraic number
         flags = {name: api.is_true(model.eval(term)) for name, term in self._flags.items()}
         return all(holds(truth, numbers, flags, products) for truth in truths)
-
-
-def holds(
-    truth: Bool,
-    numbers: Mapping[int, Fraction],
-    flags: Mapping[str, bool],
-    products: Mapping[Monomial, Fraction] | None = None,
-) -> bool:
-    """Whether a formula is true of these numbers; `products` may be numbers of their own."""
-    if truth.op in ("true", "false"):
-        return truth.op == "true"
-    if truth.op == "not":
-        return not holds(truth.args[0], numbers, flags, products)
-    if truth.op in ("and", "or"):
-        parts = (holds(arg, numbers, flags, products) for arg in truth.args)
-        return all(parts) if truth.op == "and" else any(parts)
-    if truth.op == "flag":
-        return flags[truth.data]
-    known = products or {}
-    value = sum(
-        (
-            factor * (known[monomial] if monomial in known else prod(numbers[u] ** p for u, p in monomial))
-            for monomial, factor in truth.data.terms.items()
-        ),
-        Fraction(0),
-    )
-    return value == 0 if truth.op == "zero" else value > 0 if truth.op == "above" else value >= 0
 
 
 def _rational(api: Any, value: Rational) -> Any:

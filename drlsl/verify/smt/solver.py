@@ -9,9 +9,9 @@ from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import z3
 
-from drlsl.verify.smt.booleans import Bool, leaves
+from drlsl.verify.smt.booleans import Bool, holds, leaves
 from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rational
-from drlsl.verify.smt.second import MOST_SECONDS, Cvc5, Judges, SolversDisagree, holds
+from drlsl.verify.smt.second import MOST_SECONDS, Cvc5, Judges, SolversDisagree
 from drlsl.verify.smt.signature import signature
 from drlsl.verify.smt.symbolic import Model
 from drlsl.verify.smt.values import Algebra

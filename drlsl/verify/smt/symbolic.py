@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -13,9 +14,9 @@ from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import Relation
 from drlsl.traffic import Lane
 from drlsl.verify.ranges import TYPICAL, Case, Range
-from drlsl.verify.smt.booleans import Bool
+from drlsl.verify.smt.booleans import Bool, holds
 from drlsl.verify.smt.formula import Constant, Finite, Row
-from drlsl.verify.smt.polynomials import Polynomial
+from drlsl.verify.smt.polynomials import Polynomial, evaluate
 from drlsl.verify.smt.values import Algebra, Value
 
 FOCUS: Final = Relation("focus", ("atom",), single=True, fields=("id",))
@@ -309,21 +310,15 @@ class SymbolicScene:
 
     def scene(self, model: Model) -> tuple[Scene, str]:
         """The scene that a model describes, and the name of the vehicle in focus, or `NOBODY`."""
+        flags = defaultdict(bool, model.flags)
 
         def number(value: Value | Finite) -> float:
             assert isinstance(value, Polynomial)
             return float(evaluate(value, model.numbers))
 
-        def holds(truth: Bool) -> bool:
-            if truth.op == "not":
-                return not holds(truth.args[0])
-            if truth.op in ("and", "or"):
-                return (all if truth.op == "and" else any)(map(holds, truth.args))
-            return truth.op == "true" or model.flags.get(truth.data, False)
-
         def chosen(value: Value | Finite) -> str | int:
             assert isinstance(value, dict)
-            found = next(constant for constant, flag in value.items() if holds(flag))
+            found = next(constant for constant, flag in value.items() if holds(flag, {}, flags))
             return found.name if isinstance(found, Atom) else found
 
         def vehicle(row: Row) -> Vehicle:
@@ -341,7 +336,7 @@ class SymbolicScene:
             time_step=number(self._numbers["time_step"]),
             radar_range=number(self._numbers["radar_range"]),
         )
-        ego, *others = [vehicle(row) for row in self.facts["vehicle", 8] if holds(row.present)]
+        ego, *others = [vehicle(row) for row in self.facts["vehicle", 8] if holds(row.present, {}, flags)]
         scene = Scene(road=road, ego=ego, vehicles=tuple(others), target_lane=self.case.target_lane)
         return scene, str(chosen(self._focused))
 
@@ -355,13 +350,3 @@ def _outward(case: Case) -> list[int]:
     up, down = list(range(case.ego_lane - 1, 0, -1)), list(range(case.ego_lane + 1, case.lanes + 1))
     right, left = (down, up) if case.direction(case.ego_lane).sign > 0 else (up, down)
     return [case.ego_lane, *right, *left]
-
-
-def evaluate(polynomial: Polynomial, numbers: Mapping[int, Fraction]) -> Fraction:
-    """The value of a polynomial for these values of its unknowns."""
-    total = Fraction(0)
-    for monomial, factor in polynomial.terms.items():
-        for unknown, power in monomial:
-            factor *= numbers[unknown] ** power
-        total += factor
-    return total
