@@ -15,7 +15,7 @@ from drlsl.driving import EnvConfig
 from drlsl.driving.envs import HighwayVectorEnv
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import playbacks_of
-from drlsl.traffic import Recording, Tracks, VehicleClass, lanes_of_rows, pack
+from drlsl.traffic import NUMBERS, Recording, Tracks, VehicleClass, lanes_of_rows, pack
 
 VEHICLES: Final = 40
 """Vehicles in every frame."""
@@ -73,7 +73,7 @@ def steady_traffic() -> Recording:
         columns.append([*row, 0.0 * same, 4.6 * same, 1.9 * same])
     frames, vehicles, *numbers = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     order = np.lexsort((frames, vehicles))
-    tracks = Tracks(frames, vehicles, *numbers).take(order)
+    tracks = Tracks(**dict(zip(NUMBERS, numbers, strict=True)), frame=frames, vehicle=vehicles).take(order)
     made = Recording(
         name="steady",
         frame_rate=FRAME_RATE,

@@ -1,4 +1,4 @@
-from .array_kinds import NUMBERS, Floats, Integers, Mask
+from .array_kinds import NUMBERS, Boxes, Floats, Integers, Mask
 from .cache import cache_folder
 from .generate import PRESETS, find_preset, simulate
 from .highd_writer import check_folder, write_highd
@@ -13,6 +13,7 @@ __all__ = [
     "BUNDLED",
     "NUMBERS",
     "PRESETS",
+    "Boxes",
     "Direction",
     "Floats",
     "Integers",

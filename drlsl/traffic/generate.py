@@ -379,13 +379,13 @@ def _as_tracks(rows: list[tuple[float, ...]], preset: Preset, trucks: frozenset[
     vx, vy = (_differences(values, vehicle) * preset.frame_rate for values in (x, y))
     ax, ay = (_differences(values, vehicle) * preset.frame_rate for values in (vx, vy))
     inside = (front - length >= 0) & (front <= STRETCH) & np.isfinite(ax)
-    tracks = Tracks(frame.astype(np.int64), vehicle.astype(np.int64), x, y, vx, vy, length, width).take(
+    tracks = Tracks(x, y, vx, vy, length, width, frame.astype(np.int64), vehicle.astype(np.int64)).take(
         inside
     )
     by_appearance = tracks.vehicle[np.argsort(tracks.frame, kind="stable")]
     ids = {old: new for new, old in enumerate(dict.fromkeys(by_appearance.tolist()), start=1)}
-    tracks.vehicle = np.array([ids[old] for old in tracks.vehicle.tolist()])
-    tracks.frame -= tracks.frame.min()
+    numbered = np.array([ids[old] for old in tracks.vehicle.tolist()])
+    tracks = replace(tracks, vehicle=numbered, frame=tracks.frame - tracks.frame.min())
     classes = {new: VehicleClass.TRUCK if old in trucks else VehicleClass.CAR for old, new in ids.items()}
     order = np.lexsort((tracks.frame, tracks.vehicle))
     return HighdContent(

@@ -7,7 +7,7 @@ Transportation, https://doi.org/10.21949/1504477.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -116,10 +116,11 @@ def load_ngsim(source: Source) -> Recording:
     table, dropped = _choose_part(path, _read(path, layout), source.part)
     tracks, rows, repeated = without_duplicates(_tracks(table))
     codes, lane_ids = (table[column].to_numpy(dtype=np.int64)[rows] for column in ("v_Class", "Lane_ID"))
-    tracks.y, bend = straighten(tracks, lane_ids)
+    y, bend = straighten(tracks, lane_ids)
+    tracks = replace(tracks, y=y)
     lanes = fit_lanes(path, tracks, lane_ids, SPEED_LIMIT)
     speeds = _velocities(tracks)
-    tracks.vx, tracks.vy = speeds.vx, speeds.vy
+    tracks = replace(tracks, vx=speeds.vx, vy=speeds.vy)
     recording = Recording(
         name=source.name,
         frame_rate=FRAME_RATE,

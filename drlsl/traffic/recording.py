@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.array_kinds import NUMBERS, Floats, Ids, LaneIds, Mask
+from drlsl.traffic.array_kinds import NUMBERS, Boxes, Ids, LaneIds, Mask
 from drlsl.traffic.road import Direction, Lane
 
 NO_VEHICLE = -1
@@ -52,7 +52,7 @@ class Dropped:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frames:
+class Frames(Boxes):
     """Vehicles per frame, padded to one rectangle; read-only arrays of shape (F, K), or (n,) for one frame.
 
     A vehicle keeps its slot (column) for as long as it is seen without a gap, so `x[t, k] - x[t - 1, k]` is a
@@ -64,18 +64,6 @@ class Frames:
     """Vehicle id, >= 0; NO_VEHICLE in an empty slot."""
     lane: LaneIds
     """Id of the lane whose strip holds the vehicle's centre; OFF_LANE where none does."""
-    x: Floats
-    """Vehicle centre along the road [m]."""
-    y: Floats
-    """Vehicle centre across the road [m], downward."""
-    vx: Floats
-    """Velocity along x [m/s], signed."""
-    vy: Floats
-    """Velocity along y [m/s], signed."""
-    length: Floats
-    """Extent along x [m], > 0."""
-    width: Floats
-    """Extent along y [m], > 0."""
     first: Ids
     """Index of the frame in which this unbroken stretch of the vehicle's track began."""
     valid: Mask

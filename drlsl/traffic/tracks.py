@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.array_kinds import NUMBERS, Floats, Ids, LaneIds
+from drlsl.traffic.array_kinds import NUMBERS, Boxes, Floats, Ids, LaneIds
 from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, Frames
 from drlsl.traffic.road import Lane
 
@@ -22,18 +22,12 @@ MOST_CELLS = 100_000_000
 """Largest rectangle of frames x vehicles, about 6 GB: a guard against wrong frame numbers."""
 
 
-@dataclass(slots=True, eq=False)
-class Tracks:
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks(Boxes):
     """One row per vehicle and frame; every array has shape (rows,), SI units as in Frames."""
 
     frame: npt.NDArray[np.int64]
     vehicle: npt.NDArray[np.int64]
-    x: Floats
-    y: Floats
-    vx: Floats
-    vy: Floats
-    length: Floats
-    width: Floats
 
     def __len__(self) -> int:
         return len(self.frame)

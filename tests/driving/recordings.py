@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drlsl.traffic import Direction, Lane, Recording, Tracks, VehicleClass, lanes_of_rows, pack
+from drlsl.traffic import NUMBERS, Direction, Lane, Recording, Tracks, VehicleClass, lanes_of_rows, pack
 
 WIDTH = 3.75
 LIMIT = 36.0
@@ -49,7 +49,11 @@ def recording(drives: Sequence[Drive], *, frames: int = 400, frame_rate: float =
     columns = np.array(rows, dtype=np.float64).T
     order = np.lexsort((columns[0], columns[1]))
     frame, vehicle, *numbers = (column[order] for column in columns)
-    tracks = Tracks(frame.astype(np.int64), vehicle.astype(np.int64), *numbers)
+    tracks = Tracks(
+        **dict(zip(NUMBERS, numbers, strict=True)),
+        frame=frame.astype(np.int64),
+        vehicle=vehicle.astype(np.int64),
+    )
     made = Recording(
         name="by-hand",
         frame_rate=frame_rate,

@@ -48,7 +48,7 @@ def by_hand() -> HighdContent:
     length = np.array([4.0, 4.0, 4.0, 14.0, 14.0])
     width = np.array([2.0, 2.0, 2.0, 2.5, 2.5])
     return HighdContent(
-        tracks=Tracks(frame, vehicle, x, y, vx, vy, length, width),
+        tracks=Tracks(x, y, vx, vy, length, width, frame, vehicle),
         ax=np.zeros(5),
         ay=np.zeros(5),
         vehicle_class={1: VehicleClass.CAR, 2: VehicleClass.TRUCK},

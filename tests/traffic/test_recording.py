@@ -28,7 +28,7 @@ def make() -> Recording:
     y = np.array([10.0, 10.1, 10.2, 2.0, 2.1])
     vx = np.array([30.0, 30.0, 30.0, -28.0, -28.0])
     ones = np.ones(5)
-    tracks = Tracks(frame, vehicle, x, y, vx, 0.1 * ones, 4.5 * ones, 1.8 * ones)
+    tracks = Tracks(x, y, vx, 0.1 * ones, 4.5 * ones, 1.8 * ones, frame, vehicle)
     return Recording(
         name="made by hand",
         frame_rate=25.0,

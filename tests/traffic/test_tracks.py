@@ -19,7 +19,7 @@ def tracks_of(pairs: list[tuple[int, int]], values: list[float] | None = None) -
     vehicle = np.array([vehicle for _, vehicle in pairs])
     x = np.array(values, dtype=float) if values else frame * 100.0 + vehicle
     ones = np.ones(len(pairs))
-    return Tracks(frame, vehicle, x, ones, ones, ones, ones, ones)
+    return Tracks(x, ones, ones, ones, ones, ones, frame, vehicle)
 
 
 presences = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 6)), min_size=1)

@@ -11,14 +11,14 @@ import numpy as np
 from drlsl.driving.scene.facts import SCHEMA
 from drlsl.driving.scene.model import EGO, Road, Scene, Vehicle
 from drlsl.driving.scene.rows import copied, put_rows
-from drlsl.traffic import NUMBERS, Floats, Integers, Mask
+from drlsl.traffic import NUMBERS, Boxes, Floats, Integers, Mask
 
 EGO_ID: Final = -1
 """`SceneBatch.id` of the ego; other vehicles have ids >= 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SceneBatch:
+class SceneBatch(Boxes):
     """N scenes with up to K vehicles each: the ego in column 0, the vehicles in range in the `valid` slots.
 
     `road` (N,) indexes `roads`; `target_lane` (N,) lane ids; the rest are of shape (N, K + 1): `id`, `lane`
@@ -31,12 +31,6 @@ class SceneBatch:
     target_lane: Integers
     id: Integers
     lane: Integers
-    x: Floats
-    y: Floats
-    vx: Floats
-    vy: Floats
-    length: Floats
-    width: Floats
     valid: Mask
 
     def __len__(self) -> int:
@@ -101,8 +95,8 @@ class SceneBatch:
         valid: Mask,
     ) -> SceneBatch:
         """Make a batch; x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
-        named = dict(zip(NUMBERS, numbers, strict=True))
-        return cls(roads, road, target_lane, id, lane, **named, valid=valid)
+        boxes = dict(zip(NUMBERS, numbers, strict=True))
+        return cls(**boxes, roads=roads, road=road, target_lane=target_lane, id=id, lane=lane, valid=valid)
 
     def put(self, places: Integers, scenes: SceneBatch) -> None:
         """Write `scenes`, with the same number of slots and the same roads, into `places`."""
