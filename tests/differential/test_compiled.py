@@ -64,6 +64,38 @@ def test_code_was_compiled(compiled: Engine) -> None:
     assert entry.__code__.co_filename == "<prolog app/3>"
 
 
+@pytest.mark.parametrize(
+    ("body", "goal"),
+    [
+        ("once((X, fail ; true))", "!"),
+        ("\\+ \\+ (X, fail ; true)", "!"),
+        ("call((X, fail ; true)) -> true ; fail", "!"),
+        ("call((true, X, fail ; true))", "!"),
+        ("ignore((X, fail ; throw(went_on)))", "!"),
+        ("findall(Y, (X, Y = 1 ; Y = 2), [_])", "!"),
+        ("forall((X, fail ; true), fail)", "!"),
+        ("forall(X, fail)", "(true ; 1)"),
+        ("\\+ (true, 1)", "true"),
+        ("\\+ \\+ (X, 1)", "fail"),
+        ("\\+ 1 ; true", "true"),
+        ("once((X, f(X), 1))", "true"),
+        ("forall(1, X)", "true"),
+        ("forall(true, (X, 1))", "true"),
+        ("findall(Y, (Y = X, 1), _)", "true"),
+        ("call((fail, 1))", "true"),
+    ],
+)
+def test_a_goal_that_is_known_late_or_no_goal_at_all(body: str, goal: str) -> None:
+    """What a variable is bound to by then is part of the goal called, a cut in it included (7.6.2)."""
+    found = []
+    for is_compiled in (False, True):
+        engine = Engine(compiled=is_compiled)
+        engine.consult_text(f"p(X) :- {body}.")
+        answers(engine, f"catch(p({goal}), _, true)")  # that it is compiled by the next call
+        found.append(answers(engine, f"catch(p({goal}), error(E, _), true)"))
+    assert found[0] == found[1]
+
+
 # ---------------------------------------------------------------------- generated programs
 
 _VARIABLES = st.sampled_from(["X", "Y", "Z", "W"])

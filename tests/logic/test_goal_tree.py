@@ -22,8 +22,8 @@ from drlsl.logic.core import (
     Truth,
     conjuncts,
     cuts,
-    goal_tree,
     joined,
+    read_body,
 )
 from drlsl.logic.limits import LimitExceeded, Limits, Meter
 from drlsl.logic.syntax import Flags, ReadTerm, read_term
@@ -35,7 +35,7 @@ def read(text: str) -> ReadTerm:
 
 
 def tree(text: str) -> Goal:
-    return goal_tree(read(text).term)
+    return read_body(read(text).term)
 
 
 def shape(goal: Goal) -> str:
@@ -107,7 +107,7 @@ def test_every_construct_is_read_and_has_its_goals_in_places() -> None:
     for (name, arity), construct in CONSTRUCTS.items():
         args: tuple[Term, ...] = tuple(Struct(f"goal{n}", (n,)) for n in range(arity))
         term = Struct(name, args)
-        goal = goal_tree(term)
+        goal = read_body(term)
         assert not isinstance(goal, Call | NotCallable)
         assert goal.term is term
         assert GOAL_ARGUMENTS[name, arity] == construct.places
@@ -122,7 +122,7 @@ def test_a_cut_is_found_where_it_cuts_the_clause() -> None:
 def test_goals_know_where_they_stand() -> None:
     term = read("p :-\n  a,\n  ( b\n  -> \\+ c\n  ;  once(\n    d)).")
     assert isinstance(term.term, Struct)
-    body = goal_tree(term.term.args[1], term.place(term.term, 1), term)
+    body = read_body(term.term.args[1], term.place(term.term, 1), term)
     first, second = conjuncts(body)
     assert isinstance(second, IfThenElse)
     assert isinstance(second.then, Negation)
@@ -137,7 +137,7 @@ def test_a_body_without_end_is_refused(name: str) -> None:
     hole = Var()
     hole.ref = body = Struct(name, (hole,) if name == "\\+" else (Struct("a", (1,)), hole))
     with pytest.raises(CyclicTerm):
-        goal_tree(body)
+        read_body(body)
 
 
 @pytest.mark.parametrize("name", [",", ";", "->", "\\+"])
@@ -145,7 +145,7 @@ def test_a_body_may_be_as_deep_as_it_will(name: str) -> None:
     end = body = read("a").term
     for _ in range(50_000):
         body = Struct(name, (body,) if name == "\\+" else (body, end))
-    assert not isinstance(goal_tree(body), NotCallable)
+    assert not isinstance(read_body(body), NotCallable)
 
 
 def test_reading_counts_what_it_does() -> None:
@@ -153,6 +153,6 @@ def test_reading_counts_what_it_does() -> None:
     for _ in range(60):
         body = Struct(",", (body, body))
     with pytest.raises(LimitExceeded):
-        goal_tree(body, meter=Meter(Limits(inferences=1000)))
+        read_body(body, meter=Meter(Limits(inferences=1000)))
     with pytest.raises(LimitExceeded):
         joined(body, Meter(Limits(inferences=1000)))

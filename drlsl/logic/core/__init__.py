@@ -62,9 +62,10 @@ from drlsl.logic.core.goal_tree import (
     check_body,
     conjuncts,
     cuts,
-    goal_tree,
     inside,
     joined,
+    read_body,
+    steps,
 )
 from drlsl.logic.core.host import Host, Resolver
 from drlsl.logic.core.integers import check_division
@@ -180,7 +181,6 @@ __all__ = [
     "exit_catch",
     "exit_cleanup",
     "generator",
-    "goal_tree",
     "index_key",
     "inside",
     "interpret",
@@ -191,11 +191,13 @@ __all__ = [
     "nondet",
     "of_one_type",
     "quick",
+    "read_body",
     "run",
     "run_deep",
     "soft_cut",
     "sort_key",
     "start_generator",
+    "steps",
     "subsumes",
     "term_variables",
     "to_float",

@@ -29,7 +29,7 @@ from drlsl.logic.core.goal_tree import (
     NotCallable,
     Opaque,
     Truth,
-    goal_tree,
+    read_body,
 )
 from drlsl.logic.errors import resource_error, type_error
 from drlsl.logic.limits import Meter
@@ -500,6 +500,6 @@ def compile_clause(
     size, body = slots.size, PROCEED_NODE
     if clause.body is not TRUE:
         compiler = BodyCompiler(link, slots, clause)
-        body = compiler.compile(goal_tree(clause.body, meter=meter))
+        body = compiler.compile(read_body(clause.body, meter=meter))
         size = compiler.frame_size()
     return Code(tuple(head), [None] * (size - len(args)), body)

@@ -401,7 +401,7 @@ class _Reading:
         self.todo += parts
 
 
-def goal_tree(
+def read_body(
     body: Term, place: Span | None = None, origin: ReadTerm | None = None, meter: Meter | None = None
 ) -> Goal:
     """Read a body, or a goal that is called; one that joins what is no goal is `NotCallable` as a whole.
@@ -457,6 +457,14 @@ def _atomic(goal: Atom, barrier: Barrier, place: Span | None) -> Goal:
 def conjuncts(goal: Goal) -> tuple[Goal, ...]:
     """The goals that a goal joins by conjunction."""
     return goal.goals if type(goal) is Conjunction else (goal,)
+
+
+def steps(body: Goal) -> tuple[Goal, ...]:
+    """The goals that a conjunction joins, those that others define as what they mean."""
+    goals = conjuncts(body)
+    if any(type(goal) is Derived for goal in goals):
+        return tuple(goal.meaning if type(goal) is Derived else goal for goal in goals)
+    return goals
 
 
 def cuts(goal: Goal, barrier: Barrier = CLAUSE) -> bool:

@@ -39,7 +39,7 @@ from drlsl.logic.core.body import (
 )
 from drlsl.logic.core.body import FAIL as FAIL_OP
 from drlsl.logic.core.builtin_table import QUICK
-from drlsl.logic.core.goal_tree import goal_tree
+from drlsl.logic.core.goal_tree import read_body
 from drlsl.logic.core.head_matching import arguments, match, match_row
 from drlsl.logic.core.host import Host
 from drlsl.logic.core.unification import UndoCall, compact, copy_term, excerpt, undo, unify
@@ -211,7 +211,7 @@ class Machine:
     def call(self, goal: Term, continuation: Task) -> Task:
         """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
         compiler = BodyCompiler(self.engine.linker.link, None)
-        node = compiler.compile(goal_tree(goal, meter=self.meter))
+        node = compiler.compile(read_body(goal, meter=self.meter))
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
 
     def _handle(self, error: PrologError) -> Task:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 from typing import Any
 
-from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import Struct, Term, Var, deref
 
 # Deeper terms are built step by step, since Python limits how deep an expression nests.
 DEEPEST_EXPRESSION = 6
@@ -207,21 +207,3 @@ def depth_of(term: Term) -> int:
             is_cell = term.name == "." and len(term.args) == 2
             todo.append((term.args[-1], depth if is_cell else depth + 1))
     return deepest
-
-
-def is_atom(term: Term, name: str) -> bool:
-    """Whether a dereferenced term is the atom of that name."""
-    return type(term) is Atom and term.name == name
-
-
-def conjuncts(body: Term) -> list[Term]:
-    """The goals that a conjunction joins, dereferenced."""
-    goals: list[Term] = []
-    todo = [body]
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Struct and term.name == "," and len(term.args) == 2:
-            todo.extend(reversed(term.args))
-        else:
-            goals.append(term)
-    return goals

@@ -8,10 +8,9 @@ the clauses behind it: where ``X =< Y`` holds for one, ``X > Y`` fails for the o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from drlsl.logic.core import Clause, index_key
-from drlsl.logic.jit.code_writer import conjuncts, is_atom
+from drlsl.logic.core import Call, Clause, Cut, Goal, index_key, steps
 from drlsl.logic.terms import Struct, Term, Var, deref
 
 # What cannot hold where a test does.
@@ -29,32 +28,40 @@ _EXCLUDED = {
 }
 _TURNED = {"<": ">", ">": "<", "=<": ">=", ">=": "=<"}
 
-Guard = tuple[list[Term], list[Term]]
+
+class Guard(NamedTuple):
+    """The tests that a clause begins with, and the goals behind them."""
+
+    tests: Sequence[Goal]
+    goals: Sequence[Goal]
 
 
-def guard_of(clause: Clause, later: Sequence[Clause], is_test: Callable[[Term], bool]) -> Guard | None:
-    """The tests that a clause begins with, and the goals behind them, if the tests rule the later ones out.
+def guard_of(
+    clauses: Sequence[Clause], bodies: Sequence[Goal], is_test: Callable[[Goal], bool]
+) -> Guard | None:
+    """The guard of the first clause if its tests rule the others out.
 
     `is_test` tells whether a goal is sure to bind nothing. A cut behind the tests is left away: it has
     nothing to remove.
     """
-    names = [deref(arg) for arg in clause.args]
+    names = [deref(arg) for arg in clauses[0].args]
     if any(type(name) is not Var for name in names) or len(set(names)) < len(names):
         return None
-    goals = conjuncts(clause.body)
+    goals = steps(bodies[0])
     count = next((at for at, goal in enumerate(goals) if not is_test(goal)), len(goals))
     tests = goals[:count]
-    if tests and count < len(goals) and is_atom(goals[count], "!"):
-        return tests, goals[count + 1 :]
-    if all(any(_excludes(clause, test, other) for test in tests) for other in later):
-        return tests, goals[count:]
-    return None
+    if tests and count < len(goals) and type(goals[count]) is Cut:
+        return Guard(tests, goals[count + 1 :])
+    for other, body in zip(clauses[1:], bodies[1:], strict=True):
+        against = steps(body)[0]
+        if not any(_excludes(clauses[0], test, other, against) for test in tests):
+            return None
+    return Guard(tests, goals[count:])
 
 
-def _excludes(clause: Clause, test: Term, other: Clause) -> bool:
-    """Whether another clause begins with a test that fails wherever this test of a clause holds."""
-    against = conjuncts(other.body)[0]
-    if type(test) is not Struct or type(against) is not Struct:
+def _excludes(clause: Clause, test: Goal, other: Clause, against: Goal) -> bool:
+    """Whether a test of one clause holds only where one that another begins with fails."""
+    if type(test) is not Call or type(against) is not Call:
         return False
     excluded = _EXCLUDED.get(test.name, ())
     ours = [_operand(arg, clause) for arg in test.args]

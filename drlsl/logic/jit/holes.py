@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from drlsl.logic.core import Clause
-from drlsl.logic.jit.code_writer import Function, Scope, build, is_atom
+from drlsl.logic.core import Call, Clause, Cut, Goal, Truth, conjuncts
+from drlsl.logic.jit.code_writer import Function, Scope, build
 from drlsl.logic.jit.inline_arithmetic import COMPARISONS
 from drlsl.logic.jit.term_matching import Fail, emit_deref, emit_match
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
@@ -23,18 +23,21 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 _TESTS = frozenset({"var", "nonvar", "integer", "float", "number", "atom", "atomic", "compound", "callable"})
 
 
-def open_positions(clauses: Sequence[Clause], key: tuple[str, int]) -> list[int]:
+def open_positions(clauses: Sequence[Clause], bodies: Sequence[Goal], key: tuple[str, int]) -> list[int]:
     """The argument positions at which some clause makes a cell and leaves its tail to a last call."""
     return [
         position
         for position in range(1, key[1])
-        if any(_extends(clause, position) and keeps_open(clause, position, key) for clause in clauses)
+        if any(
+            _extends(clause, position) and keeps_open(clause, body, position, key)
+            for clause, body in zip(clauses, bodies, strict=True)
+        )
     ]
 
 
-def keeps_open(clause: Clause, position: int, key: tuple[str, int]) -> bool:
+def keeps_open(clause: Clause, body: Goal, position: int, key: tuple[str, int]) -> bool:
     """Whether a clause only hands the place of its argument, or of that cell's tail, on to a last call."""
-    last = _last_call(clause, key)
+    last = _last_call(body, key)
     if last is None:
         return False
     pattern = deref(clause.args[position])
@@ -50,23 +53,24 @@ def _extends(clause: Clause, position: int) -> bool:
     return type(pattern) is Struct and len(pattern.args) == 2 and type(deref(pattern.args[1])) is Var
 
 
-def _last_call(clause: Clause, key: tuple[str, int]) -> Struct | None:
+def _last_call(body: Goal, key: tuple[str, int]) -> Call | None:
     """The last goal if it calls the predicate itself and nothing before it can look into a term."""
-    rest = deref(clause.body)
-    while type(rest) is Struct and rest.name == "," and len(rest.args) == 2:
-        if not _is_blind(deref(rest.args[0])):
-            return None
-        rest = deref(rest.args[1])
-    return rest if type(rest) is Struct and (rest.name, len(rest.args)) == key else None
+    *before, last = conjuncts(body)
+    if type(last) is Call and (last.name, len(last.args)) == key and all(map(_is_blind, before)):
+        return last
+    return None
 
 
-def _is_blind(goal: Term) -> bool:
+def _is_blind(goal: Goal) -> bool:
     """Whether a goal looks at numbers and types alone."""
-    if type(goal) is Struct:
-        if len(goal.args) == 2:
-            return goal.name in COMPARISONS or goal.name == "is"
-        return len(goal.args) == 1 and goal.name in _TESTS
-    return is_atom(goal, "!") or is_atom(goal, "true")
+    match goal:
+        case Call(name, (_,)):
+            return name in _TESTS
+        case Call(name, (_, _)):
+            return name in COMPARISONS or name == "is"
+        case Truth(holds):
+            return holds
+    return type(goal) is Cut
 
 
 def _occurrences(variable: Var, clause: Clause) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from drlsl.logic.core import BINARY, UNARY, comparison
 from drlsl.logic.jit.code_writer import Function, Scope, build
 from drlsl.logic.jit.term_matching import Fail
@@ -99,14 +101,13 @@ def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fa
     function.indent -= 1
 
 
-def emit_comparison(function: Function, scope: Scope, goal: Struct) -> str:
+def emit_comparison(function: Function, scope: Scope, name: str, args: Sequence[Term]) -> str:
     """The lines before, and the test for, an arithmetic comparison."""
-    left = emit_value(function, scope, goal.args[0])
-    right = emit_value(function, scope, goal.args[1])
-    test = f"{left} {COMPARISONS[goal.name]} {right}"
+    left, right = (emit_value(function, scope, arg) for arg in args)
+    test = f"{left} {COMPARISONS[name]} {right}"
     if all(_is_integer(part, scope) for part in (left, right)) or any(map(_is_exact, (left, right))):
         return test
-    compare = function.module.namespace.name("Q", _COMPARE[goal.name])
+    compare = function.module.namespace.name("Q", _COMPARE[name])
     return f"({test} if type({left}) is type({right}) else {compare}({left}, {right}))"
 
 

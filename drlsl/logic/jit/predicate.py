@@ -9,18 +9,23 @@ from drlsl.logic.builtins import begin_findall
 from drlsl.logic.core import (
     FAIL,
     Clause,
+    Goal,
+    NotCallable,
     Predicate,
     Resolver,
     collect,
     cut,
+    cuts,
     evaluate,
     index_key,
+    read_body,
     soft_cut,
     start_generator,
     undo,
     unify,
 )
-from drlsl.logic.jit.clause_code import BodyEmitter, Place, has_cut
+from drlsl.logic.errors import type_error
+from drlsl.logic.jit.clause_code import BodyEmitter, Place
 from drlsl.logic.jit.code_writer import Module, Namespace, Scope
 from drlsl.logic.jit.guards import Guard, guard_of
 from drlsl.logic.jit.holes import UNFINISHED, close_hole, emit_hole, keeps_open, open_positions
@@ -70,6 +75,7 @@ class _PredicateCompiler:
 
     def __init__(self, predicate: Predicate, linker: Resolver, unbound: Any) -> None:
         self._clauses = list(predicate.clauses)
+        self._bodies = [_body(clause) for clause in self._clauses]
         self._module = Module(
             f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME), _voids(self._clauses)
         )
@@ -78,7 +84,7 @@ class _PredicateCompiler:
         self._emitter = BodyEmitter(self._module, linker, own)
         self._args = [f"a{index}" for index in range(predicate.arity)]
         self._function = self._module.function("entry")
-        self._holes = open_positions(self._clauses, own)
+        self._holes = open_positions(self._clauses, self._bodies, own)
         self._unbound = unbound
         self._values: dict[int, str] = {}  # locals with the values of arguments as expressions, by position
         self._loops = False  # whether a clause jumps back to the beginning
@@ -119,8 +125,8 @@ class _PredicateCompiler:
     def _guards(self) -> list[Guard | None] | None:
         """What the clauses but the last begin with, if that alone decides between them."""
         guards: list[Guard | None] = []
-        for number, clause in enumerate(self._clauses[:-1], 1):
-            guard = guard_of(clause, self._clauses[number:], self._emitter.is_guard)
+        for number in range(len(self._clauses) - 1):
+            guard = guard_of(self._clauses[number:], self._bodies[number:], self._emitter.is_guard)
             if guard is None:
                 return None
             guards.append(guard)
@@ -132,7 +138,7 @@ class _PredicateCompiler:
         for position in self._holes:
             close_hole(function, position)
         function.emit("mark = len(trail)")
-        if any(has_cut(clause.body) for clause in self._clauses):
+        if any(map(cuts, self._bodies)):
             function.emit("h = len(choices)")
         function.emit("while alts:")
         function.indent += 1
@@ -236,7 +242,7 @@ class _PredicateCompiler:
         height = Var("Height")
         scope = Scope({height: "h"})
         function.about(clause.head, clause, scope)
-        if has_cut(clause.body):
+        if cuts(self._bodies[number]):
             function.emit("h = len(choices)")
 
         def fail() -> None:
@@ -250,7 +256,11 @@ class _PredicateCompiler:
             self._assign(parts)
             function.emit("continue")
 
-        kept = {position for position in self._holes if keeps_open(clause, position, self._emitter.key)}
+        kept = {
+            position
+            for position in self._holes
+            if keeps_open(clause, self._bodies[number], position, self._emitter.key)
+        }
         for position, (name, pattern) in enumerate(zip(args, clause.args, strict=True)):
             if position in self._holes:
                 emit_hole(function, scope, clause, position, kept=position in kept, fail=fail)
@@ -264,9 +274,9 @@ class _PredicateCompiler:
         scope.numbers.update((names[at], value) for at, value in self._values.items() if at in names)
         place = Place(function, scope, fail, loop=jump)
         if guard is None:
-            self._emitter.emit_clause(place, clause, height)
+            self._emitter.emit_clause(place, clause, self._bodies[number], height)
         else:
-            self._emitter.emit_guarded(place, clause, height, guard)
+            self._emitter.emit_guarded(place, clause, guard, height)
             numbers = scope.numbers
             self._values = {at: numbers[name] for at, name in names.items() if name in numbers}
 
@@ -305,7 +315,7 @@ class _PredicateCompiler:
             may_bind = may_bind or not is_new
             emit_match(function, scope, pattern, name, next_clause)
         place = Place(function, scope, next_clause, pending=leave_choice, loop=jump)
-        self._emitter.emit_clause(place, clause, height)
+        self._emitter.emit_clause(place, clause, self._bodies[number], height)
 
     def _assign(self, parts: Sequence[str]) -> None:
         """Give the arguments their values for the next round, all at once."""
@@ -314,6 +324,13 @@ class _PredicateCompiler:
         if changed:
             left, right = ", ".join(arg for arg, _ in changed), ", ".join(part for _, part in changed)
             self._function.emit(f"{left} = {right}")
+
+
+def _body(clause: Clause) -> Goal:
+    body = read_body(clause.body)
+    if type(body) is NotCallable:
+        raise type_error("callable", body.term)
+    return body
 
 
 def _voids(clauses: Sequence[Clause]) -> set[Var]:
