@@ -28,6 +28,8 @@
 :- dynamic(braking_limit/1).
 :- dynamic(centre_tolerance/1).
 
+:- multifile(objection/2).    % a file on top of this one may have more
+
 :- include('longitudinal.pl').
 :- include('observation.pl').
 
@@ -227,34 +229,26 @@ obstacle(Side, Car, Gap, Needed) :-
 
 % -------------------------------------------------------------------------------------------------- safe actions
 
-% left_is_valid, right_is_valid: there is a lane of the ego's direction on that side. Source: paper, SLP for AD.
-left_is_valid :- side_lane(left, _).
-right_is_valid :- side_lane(right, _).
+% lane_change(Action, Side): Action is the lane change to that side.
+lane_change(left_lane_change, left).
+lane_change(right_lane_change, right).
 
-% left_is_safe, right_is_safe: nobody in or drifting into that lane is nearer than it must be. Source: paper, SLP for AD.
-left_is_safe :- \+ obstacle(left, _, _, _).
-right_is_safe :- \+ obstacle(right, _, _, _).
-
-% safe_actions(Action): Action may be offered to the agent. Keeping the lane always may: the longitudinal rules brake.
-% Source: paper, SLP for AD.
+% safe_actions(Action): Action may be offered to the agent: a lane change to which there is no objection. Keeping the lane always
+% may: the longitudinal rules brake. Source: paper, SLP for AD.
 safe_actions(lane_keeping).
-safe_actions(left_lane_change) :- settled, left_is_valid, left_is_safe.
-safe_actions(right_lane_change) :- settled, right_is_valid, right_is_safe.
+safe_actions(Action) :- lane_change(Action, _), \+ objection(Action, _).
 
 % possible_actions(Actions): all of them. Source: paper, SLP for AD.
 possible_actions(Actions) :- findall(Action, safe_actions(Action), Actions).
 
+% objection(Action, Reason): Reason speaks against a lane change, which is not offered then. A file on top of this one may add
+% clauses.
+objection(Action, changing_lanes) :- lane_change(Action, _), \+ settled.
+objection(Action, no_lane) :- lane_change(Action, Side), \+ side_lane(Side, _).
+objection(Action, too_close(Car, Gap, Needed)) :- lane_change(Action, Side), obstacle(Side, Car, Gap, Needed).
+
 % entry_is_safe: the ego may come onto the road where it is: nobody in or drifting into its lane is nearer than it must be.
 entry_is_safe :- \+ obstacle(entry, _, _, _).
-
-% objection(Action, Reason): why a lane change is not offered: changing_lanes, no_lane or too_close(Car, Gap, Needed).
-objection(left_lane_change, Reason) :- side_objection(left, Reason).
-objection(right_lane_change, Reason) :- side_objection(right, Reason).
-
-% side_objection(Side, Reason): the same for the lane change to one side.
-side_objection(_, changing_lanes) :- \+ settled.
-side_objection(Side, no_lane) :- \+ side_lane(Side, _).
-side_objection(Side, too_close(Car, Gap, Needed)) :- obstacle(Side, Car, Gap, Needed).
 
 % -------------------------------------------------------------------------------------- giving up a lane change
 

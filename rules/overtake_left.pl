@@ -7,8 +7,6 @@
 % Not told by the facts, and so not allowed here: section 7 (2) (queues on both sides), section 7a (entry and exit lanes), signs.
 
 :- ensure_loaded('highway.pl').
-:- abolish(safe_actions/1).    % said anew here
-:- multifile(objection/2).     % has one more clause here
 
 % stay(T): a stay in a lane to the right that ends sooner is no keeping to the right. Source: courts on StVO section 2 (2).
 stay(20.0).
@@ -18,11 +16,6 @@ queue_speed(V) :- V is 60 / 3.6.
 
 % queue_excess(V): how much faster a queue may be passed. Source: the same (20 km/h).
 queue_excess(V) :- V is 20 / 3.6.
-
-% safe_actions(Action): as in highway.pl, but no lane change to the right in order to overtake.
-safe_actions(lane_keeping).
-safe_actions(left_lane_change) :- settled, left_is_valid, left_is_safe.
-safe_actions(right_lane_change) :- settled, right_is_valid, right_is_safe, \+ overtaken_on_the_right(_, _, _).
 
 % objection(Action, Reason): also would_overtake_on_the_right(Car, T), T being the time until the ego would be past Car.
 objection(right_lane_change, would_overtake_on_the_right(Car, T)) :- overtaken_on_the_right(Car, Way, Excess), T is Way / Excess.

@@ -33,9 +33,9 @@ property(right_is_left_at_most, 'in the mirror image, to the right no more is of
 violates(right_is_left_at_most) :- safe_actions(right_lane_change), \+ in(mirrored, safe_actions(left_lane_change)).
 violates(right_is_left_at_most) :- longitudinal_velocity(V), in(mirrored, longitudinal_velocity(V1)), V =\= V1.
 
-property(nothing_too_close_hidden, 'a vehicle that alone makes a side unsafe forbids a lane change to it among others too').
-violates(nothing_too_close_hidden) :- safe_actions(left_lane_change), \+ in(alone, left_is_safe).
-violates(nothing_too_close_hidden) :- safe_actions(right_lane_change), \+ in(alone, right_is_safe).
+property(nothing_too_close_hidden, 'a vehicle that alone is too close on a side forbids a lane change to it among others too').
+violates(nothing_too_close_hidden) :- safe_actions(left_lane_change), in(alone, obstacle(left, _, _, _)).
+violates(nothing_too_close_hidden) :- safe_actions(right_lane_change), in(alone, obstacle(right, _, _, _)).
 
 % spec_ahead_on_the_left(Car, Offset): Car is ahead, in the ego's lane or, in one of its direction, to the left of that.
 spec_ahead_on_the_left(Car, Offset) :-

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -37,10 +38,13 @@ class Tier(StrEnum):
 def check(files: RuleFiles = None) -> None:
     """Report which tiers can run each predicate, and every finding; exit status 1 if there is one."""
     from drlsl.driving.scene import SCHEMA
-    from drlsl.driving.shield import ASKED
-    from drlsl.lowering import check_program
+    from drlsl.driving.shield import ASKED, unknown_actions
+    from drlsl.lowering import Finding, check_program
 
-    report = check_program(_load(files), SCHEMA, ASKED)
+    engine = _load(files)
+    report = check_program(engine, SCHEMA, ASKED)
+    slips = [Finding(place, problem, error=True) for place, problem in unknown_actions(engine)]
+    report = replace(report, findings=(*report.findings, *slips))
     _print_report(report)
     if report.findings:
         raise typer.Exit(1)
@@ -147,7 +151,7 @@ def _query(goal: str) -> Query:
 
     name, _, arity = goal.rpartition("/")
     if not name or not arity.isdigit():
-        raise UserError(f"--query {goal}: expected NAME/ARITY, such as left_is_safe/0")
+        raise UserError(f"--query {goal}: expected NAME/ARITY, such as front_is_free/0")
     return Query(name, int(arity), "first" if int(arity) else "holds")
 
 

@@ -9,7 +9,7 @@ from .backends import (
     compile_scalar,
     compile_torch,
 )
-from .check import PredicateReport, Report, check_program
+from .check import Finding, PredicateReport, Report, check_program
 from .frontend import Answer, Lowered, Mode, Query, lower
 from .ir import NotLowerable, Relation, Schema, Undecided
 
@@ -18,6 +18,7 @@ __all__ = [
     "ArrayProgram",
     "BatchAnswer",
     "BatchProgram",
+    "Finding",
     "Lowered",
     "Mode",
     "NotLowerable",

@@ -74,8 +74,12 @@ def _checks(oracle: Oracle) -> Iterator[Check]:
     yield Holds("entry", ENTRY, oracle.is_safe("entry"))
     yield Holds("settled", Question("settled", "holds"), oracle.settled)
     for side in ("left", "right"):
-        yield Holds(f"{side} valid", Question(f"{side}_is_valid", "holds"), oracle.is_valid(side))
-        yield Holds(f"{side} safe", Question(f"{side}_is_safe", "holds"), oracle.is_safe(side))
+        for reason, holds in (
+            ("no_lane", oracle.is_valid(side)),
+            ("too_close(_, _, _)", oracle.is_safe(side)),
+        ):
+            question = Question(f"objection({side}_lane_change, {reason})", "holds")
+            yield Holds(f"{side} {reason}", question, not holds)
         found = tuple(
             {"Car": car.id, "Gap": oracle.gap(car), "Needed": oracle.needed_gap(car)}
             for car in oracle.obstacles(side)

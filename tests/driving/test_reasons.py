@@ -10,6 +10,7 @@ from drlsl.driving.explain import Objection, objections, speed_reason
 from drlsl.driving.explain.reasons import SpeedReason
 from drlsl.driving.scene import Action
 from drlsl.driving.shield import Shield
+from drlsl.errors import UserError
 from drlsl.logic import Engine
 from tests.driving.test_shield import SCENE, USABLE
 
@@ -33,6 +34,11 @@ from tests.driving.test_shield import SCENE, USABLE
             Objection("seen", details=("at(3)",)),
             {"reason": "seen", "details": ["at(3)"]},
         ),
+        (
+            "too_close(a, far, 2.5)",
+            Objection("too_close", details=("a", "far", 2.5)),
+            {"reason": "too_close", "details": ["a", "far", 2.5]},
+        ),
     ],
 )
 def test_a_reason_of_any_form(reason: str, expected: Objection, as_json: dict[str, object]) -> None:
@@ -42,6 +48,16 @@ def test_a_reason_of_any_form(reason: str, expected: Objection, as_json: dict[st
     found = objections(shield, shield.decide(SCENE))
     assert found == {Action.LEFT_LANE_CHANGE: [expected], Action.RIGHT_LANE_CHANGE: []}
     assert expected.as_json() == as_json
+
+
+@pytest.mark.parametrize(("reason", "shown"), [("_", "Reason"), ("7", "7"), ("[near, far]", "near")])
+def test_a_reason_without_a_name_is_refused(reason: str, shown: str) -> None:
+    engine = Engine()
+    engine.consult_text("\n".join([*USABLE.values(), f"objection(left_lane_change, {reason})."]))
+    shield = Shield(engine)
+    decision = shield.decide(SCENE)
+    with pytest.raises(UserError, match=f"{shown}.* as a reason against left_lane_change; expected a name"):
+        objections(shield, decision)
 
 
 def test_the_nearest_vehicle_comes_first() -> None:

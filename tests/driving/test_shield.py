@@ -60,9 +60,21 @@ def test_a_program_that_lacks_a_predicate_is_refused(name: str) -> None:
 
 def test_an_atom_that_names_no_action_is_an_error_and_never_an_action() -> None:
     with pytest.raises(UserError, match="'lane_change', which the agent does not know"):
-        shield(safe_actions="safe_actions(lane_change).").decide(SCENE)
-    with pytest.raises(UserError, match="does not know"):
-        shield(safe_actions="safe_actions(lane_change).").decide_batch(SceneBatch.of([SCENE]))
+        shield(safe_actions="safe_actions(lane_change).")
+    found_late = "safe_actions(Action) :- Action = lane_change."
+    with pytest.raises(UserError, match="'lane_change', which the agent does not know"):
+        shield(safe_actions=found_late).decide(SCENE)
+    for tier in TIERS:
+        with pytest.raises(UserError, match="'lane_change', which the agent does not know"):
+            shield(tier, safe_actions=found_late).decide_batch(SceneBatch.of([SCENE]))
+
+
+@pytest.mark.parametrize("action", ["left_lane_chnage", "left", "7", "side(left)"])
+def test_an_objection_to_an_unknown_action_is_refused_before_anything_drives(action: str) -> None:
+    """It would take no action away, and no answer would show it."""
+    with pytest.raises(UserError, match=r"objection/2: .* which the agent does not know"):
+        shield(objection=f"objection({action}, icy_road) :- fail.")
+    shield(objection="objection(_, icy_road). objection(left_lane_change, no_lane).")
 
 
 FAILURES = {

@@ -60,8 +60,12 @@ def test_sections(shield: Shield, scene: Scene) -> None:
 def test_sides(shield: Shield, scene: Scene) -> None:
     oracle = Oracle(scene)
     for side in ("left", "right"):
-        assert bool(ask(shield, scene, f"{side}_is_valid")) == oracle.is_valid(side)
-        assert bool(ask(shield, scene, f"{side}_is_safe")) == oracle.is_safe(side)
+        for reason, holds in (
+            ("changing_lanes", not oracle.settled),
+            ("no_lane", not oracle.is_valid(side)),
+            ("too_close(_, _, _)", not oracle.is_safe(side)),
+        ):
+            assert bool(ask(shield, scene, f"objection({side}_lane_change, {reason})")) == holds
         lane = oracle.side_lane(side)
         assert ask(shield, scene, f"side_lane({side}, Lane)") == ([{"Lane": lane.id}] if lane else [])
     for side in ("own", "home", "entry", "left", "right"):

@@ -50,8 +50,8 @@ MUTANTS = {
     "missing vehicle: all but the first": (
         "nothing_hidden",
         {
-            "left_is_safe :- \\+ obstacle(left, _, _, _).": "left_is_safe :- "
-            "\\+ ( once(( target_vehicle(C), in_way(C, left) )), obstacle(left, C, _, _) )."
+            "lane_change(Action, Side), obstacle(": "lane_change(Action, Side), "
+            "once(( target_vehicle(Car), in_way(Car, Side) )), obstacle("
         },
     ),
     "who comes the other way counts as standing": (

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from drlsl.driving.scene import Action, Scene, action_of_atom
 from drlsl.driving.shield import LIMITS, Decision, Shield
+from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import Compound
 
@@ -92,13 +93,14 @@ def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, lis
 
     Raises:
         PrologError: the rules raised an error.
+        UserError: an objection is to an action that the agent does not know, or its reason has no name.
     """
     unsafe: dict[Action, list[Objection]] = {action: [] for action in actions}
     if shield.engine.defines("objection", 2):
         for solution in shield.engine.query("objection(Action, Reason)", limits=LIMITS):
             action = action_of_atom(solution["Action"])
             if action in unsafe:
-                unsafe[action].append(_objection(solution["Reason"]))
+                unsafe[action].append(_objection(action, solution["Reason"]))
     return {action: sorted(set(found), key=_urgency) for action, found in unsafe.items()}
 
 
@@ -143,15 +145,20 @@ def speed_reason(shield: Shield, scene: Scene, target_speed: float) -> SpeedReas
     return max(reasons, key=lambda reason: abs(reason.without - target_speed), default=None)
 
 
-def _objection(term: object) -> Objection:
+def _objection(action: Action, term: object) -> Objection:
     match term:
-        case Compound(name="too_close", args=(car, gap, needed)):
-            return Objection("too_close", str(car), _number(gap), _number(needed))
+        case Compound(name="too_close", args=(str(car), int() | float() as gap, int() | float() as needed)):
+            return Objection("too_close", car, float(gap), float(needed))
         case Compound(name=name, args=args):
             details = (value if isinstance(value, int | float) else str(value) for value in args)
             return Objection(name, details=tuple(details))
+        case str(name):
+            return Objection(name)
         case _:
-            return Objection(str(term))
+            raise UserError(
+                f"the rules give {term} as a reason against {action.atom}; expected a name, such as no_lane, "
+                "or a name with details, such as too_close(Car, Gap, Needed)"
+            )
 
 
 def _urgency(objection: Objection) -> tuple[float, str]:

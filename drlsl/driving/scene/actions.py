@@ -40,6 +40,6 @@ def action_of_atom(atom: object) -> Action:
     if action is None:
         known = ", ".join(ATOMS)
         raise UserError(
-            f"the rules offer the action {atom!r}, which the agent does not know; it knows {known}"
+            f"the rules name the action {atom!r}, which the agent does not know; it knows {known}"
         )
     return action

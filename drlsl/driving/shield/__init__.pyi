@@ -1,3 +1,4 @@
+from .action_names import unknown_actions
 from .compiled import ASKED, query_of
 from .decision import OBSERVATION_SIZE, Decision, Decisions, RuleFailure
 from .questions import ACTIONS, ENTRY, FREE, LANE, SPEED, STATE
@@ -23,4 +24,5 @@ __all__ = [
     "query_of",
     "rule_file",
     "rules_folder",
+    "unknown_actions",
 ]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.driving.scene import Scene
+from drlsl.driving.shield.action_names import unknown_actions
 from drlsl.driving.shield.decision import Decision, Decisions
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.questions import QUESTIONS
@@ -38,13 +39,16 @@ class Shield:
         one query of the interpreter; beyond them the rules count as having failed.
 
         Raises:
-            UserError: a required predicate is missing.
+            UserError: a required predicate is missing, or a clause is about an action that the agent does not
+                know.
         """
         missing = [str(one) for one in QUESTIONS if one.required and not engine.defines(one.name, one.arity)]
         if missing:
             raise UserError(
                 f"the rule program does not define {', '.join(missing)}; rules/highway.pl shows what is asked"
             )
+        for place, problem in unknown_actions(engine):
+            raise UserError(f"{place}: {problem}")
         self.lock = threading.RLock()
         """Held during every query; hold it, too, when asserting facts and querying the engine directly."""
         self._interpreter = Interpreter(engine, replace(LIMITS, seconds=seconds))
