@@ -1,4 +1,4 @@
-"""What the solver found, asked of the rules themselves: only what every tier confirms is a refutation."""
+"""Confirm the solver's scenes with the rules: only what every tier confirms is a refutation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from drlsl.verify.properties import FACTS, Property
 from drlsl.verify.smt import FOCUS, NOBODY, Model, SymbolicScene
 
 _DIGITS: Final = (2, 4, 8, None)
-"""A scene's numbers are rounded to so many decimals if it still breaks the property then."""
+"""Decimals to which a scene's numbers are rounded if it still breaks the property then."""
 
 _TIERS: Final = ("scalar", "numpy")
 
@@ -40,8 +40,8 @@ _TIERS: Final = ("scalar", "numpy")
 class Counterexample:
     """A scene that breaks a property, and the vehicle that `focus/1` names in it, or None.
 
-    `images` are the other scenes that the property speaks of, by name; `error` is what the rules raise in
-    the scene, where that is what is wrong. `unknowns` are the numbers that it speaks of besides the scene.
+    `images` are the other scenes of the property, by name; `error` is the error that the rules raise in the
+    scene, if that breaks the property. `unknowns` are the numbers of the property besides the scene.
     """
 
     scene: Scene
@@ -51,7 +51,7 @@ class Counterexample:
     unknowns: Mapping[str, float] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """The scene as a scene file has it, and what else there is to say."""
+        """Return the scene as a scene file has it, with all other fields."""
         result: dict[str, Any] = {"scene": json.loads(scene_json(self.scene))}
         if self.focus is not None:
             result["focus"] = self.focus
@@ -65,7 +65,7 @@ class Counterexample:
 
 
 class Replay:
-    """Asks the tiers whether a scene breaks a property."""
+    """Runs the tiers on a scene to see whether it breaks a property."""
 
     def __init__(self, engine: Engine, prop: Property, facts: Schema = FACTS) -> None:
         self._engine = engine
@@ -73,11 +73,11 @@ class Replay:
         self._goal = engine.prepare(prop.goal)
         self._scalar: Scalar | None = None
         self._shields: list[Shield] | None = None
-        with suppress(NotLowerable):  # then the interpreter's word is enough
+        with suppress(NotLowerable):  # then the interpreter's answer is enough
             self._scalar = compile_scalar(lower(engine, facts, [prop.query]))
 
     def confirm(self, symbolic: SymbolicScene, model: Model) -> Counterexample | None:
-        """The counterexample that a model describes, in numbers as round as can be; None if it is none."""
+        """Return the counterexample of a model, with its numbers rounded if possible; None if it is none."""
         exact, focus = symbolic.scene(model)
         unknowns = symbolic.unknown_values(model)
         for digits in _DIGITS:
@@ -110,7 +110,7 @@ class Replay:
             try:
                 (broken,) = self._scalar(facts)
             except Undecided:
-                broken = True  # left to the interpreter, which has said so
+                broken = True  # left to the interpreter, which has confirmed it
             if not broken:
                 return None
         if not self._tiers_agree(scene):
@@ -124,7 +124,7 @@ class Replay:
         return self._goal.holds(LIMITS)
 
     def _tiers_agree(self, scene: Scene) -> bool:
-        """Whether interpreter, generated code and arrays decide alike."""
+        """Return whether interpreter, generated code and arrays make the same decision."""
         shields = self._driving_shields()
         if not shields:
             return True
@@ -141,9 +141,10 @@ class Replay:
         return True
 
     def _driving_shields(self) -> Sequence[Shield]:
-        """The interpreter, then the tiers that can run the program; none if it answers only some questions.
+        """Return shields of the interpreter and of the tiers that can run the program.
 
-        They are made once: the clauses of the program stay as they are.
+        There are none if the program answers only some questions. They are made once, because the clauses of
+        the program do not change.
         """
         if self._shields is None:
             self._shields = []
@@ -157,7 +158,7 @@ class Replay:
     # ---------------------------------------------------------------- images
 
     def _called(self) -> set[tuple[str, int]]:
-        """The predicates that the property depends on, however indirectly."""
+        """Return the predicates that the property depends on, also indirectly."""
         seen: set[tuple[str, int]] = set()
         open_ = [(self._property.query.name, 0)]
         while open_:
@@ -172,11 +173,11 @@ class Replay:
         return seen
 
     def _image_names(self) -> Iterator[str]:
-        """The images that the property asks something in."""
+        """Yield the images in which the property asks a goal."""
         yield from dict.fromkeys(name.split(":")[0] for name, _ in sorted(self._called()) if ":" in name)
 
     def _images(self, scene: Scene) -> Iterator[tuple[str, Scene]]:
-        """The scenes that the facts of the images describe."""
+        """Yield the scenes that the facts of the images describe."""
         for image in self._image_names():
             vehicles = self._rows(f"{image}:vehicle", 8) or [scene.ego, *scene.in_range()]
             lanes = self._rows(f"{image}:road_lane", 5)
@@ -205,7 +206,7 @@ def _road(road: Road, rows: Sequence[tuple[Any, ...]]) -> Road:
 
 
 def _rounded(scene: Scene, digits: int | None) -> Scene:
-    """The scene with its numbers rounded; lanes still touch, and lane ids are left as they are."""
+    """Return the scene with its numbers rounded; lanes still touch, and lane ids are unchanged."""
     if digits is None:
         return scene
 
@@ -235,7 +236,7 @@ def _rounded(scene: Scene, digits: int | None) -> Scene:
 def _shortened(
     unknowns: Mapping[str, float], digits: int | None, symbolic: SymbolicScene
 ) -> dict[str, float]:
-    """The unknown numbers rounded, none beyond its range."""
+    """Return the unknown numbers rounded, each within its range."""
     if digits is None:
         return dict(unknowns)
     result = {}
@@ -246,7 +247,7 @@ def _shortened(
 
 
 def _ranges_hold(scene: Scene, symbolic: SymbolicScene) -> bool:
-    """Whether a rounded scene is still one that the property speaks of."""
+    """Return whether a rounded scene is still within the property's ranges."""
     ranges = symbolic.ranges
 
     def within(name: str, value: float) -> bool:

@@ -1,4 +1,4 @@
-"""Counterexamples as files: scenes to be asked again, and pictures."""
+"""Write counterexamples as files: scenes for `drlsl query`, and pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from drlsl.verify.report import Request, Result
 
 
 def write_counterexample(request: Request, result: Result, folder: Path) -> list[Path]:
-    """Write the scene that breaks a property, its images and a picture of it; returns the files."""
+    """Write the scene that breaks a property, its images and a picture of it; return the files."""
     found = result.counterexample
     assert found is not None
     images = {f"{result.name}.{image}": scene for image, scene in found.images}
@@ -40,7 +40,7 @@ def write_counterexample(request: Request, result: Result, folder: Path) -> list
 
 
 def _decision(request: Request, scene: Scene) -> tuple[str, dict[str, str]]:
-    """What the rules say about a scene, in a line and beside vehicles."""
+    """Return the rules' decision about a scene, as a line and as notes beside vehicles."""
     try:
         shield = Shield.from_files(request.rules)
         decision = shield.decide(scene)

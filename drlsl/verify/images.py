@@ -1,9 +1,9 @@
-"""Rules asked about another scene than the one at hand: its mirror image, or one of its vehicles alone.
+"""Rules about another scene than the present one: its mirror image, or one of its vehicles alone.
 
 A property may say ``in(Image, Goal)``: Goal, asked in the image. The image is given by clauses
-``image(Image, Fact, Goal)``: there the facts are the instances of Fact for which Goal holds here. `expand`
-makes it plain Prolog, by copies of the predicates that depend on those facts; interpreter, generated code and
-solver then all read the same program.
+``image(Image, Fact, Goal)``: its facts are the instances of Fact for which Goal holds here. `expand` turns
+this into plain Prolog, by copies of the predicates that depend on those facts; interpreter, generated code
+and solver then all read the same program.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from drlsl.logic.terms import Atom, Struct, Term, deref
 Indicator: TypeAlias = tuple[str, int]
 
 _GOALS: Final = {key: places for key, places in GOAL_ARGUMENTS.items() if key != ("call", 1)}
-"""Where goals stand in goals; a call stands for what it calls."""
+"""The goals among the arguments of goals; a call stands for what it calls."""
 
 IN: Final = ("in", 2)
 
 
 def indicator(goal: Term) -> Indicator | None:
-    """Name and arity of a goal; None for a variable or a number."""
+    """Return name and arity of a goal; None for a variable or a number."""
     goal = deref(goal)
     if isinstance(goal, Struct):
         return goal.name, len(goal.args)
@@ -34,7 +34,7 @@ def indicator(goal: Term) -> Indicator | None:
 
 
 def calls(goal: Term) -> Iterator[Indicator]:
-    """The predicates that a goal calls, also inside control constructs; `in` counts as what it asks."""
+    """Yield the predicates that a goal calls, also inside control constructs and ``in``."""
     goal = deref(goal)
     called = indicator(goal)
     if called is None:
@@ -53,7 +53,7 @@ def calls(goal: Term) -> Iterator[Indicator]:
 
 
 def rewritten(goal: Term, change: Callable[[Term], Term | None]) -> Term:
-    """A goal with `change` applied to each goal in it that it has something else for."""
+    """Return a goal with each goal in it replaced for which `change` returns another."""
     goal = deref(goal)
     changed = change(goal)
     if changed is not None:
@@ -72,7 +72,7 @@ def expand(engine: Engine) -> None:
     """Replace every ``in(Image, Goal)`` of an engine's clauses by a goal over copies of what it calls.
 
     Raises:
-        UserError: an image has no clauses, or a rule calls a goal that is not known before it runs.
+        UserError: an image has no clauses, or a rule calls a goal that is unknown before it runs.
     """
     images: dict[str, _Copies] = {}
 
@@ -94,10 +94,10 @@ def expand(engine: Engine) -> None:
 
 
 def _refuse_given_goals(engine: Engine, asked: Term, image: str) -> None:
-    """Refuse an image of what calls a goal that it is given, as maplist/2 does: the goal would be asked here.
+    """Refuse an image of a predicate that calls a given goal, as maplist/2 does: it would run here.
 
     Raises:
-        UserError: such a predicate is called, however indirectly.
+        UserError: such a predicate is called, perhaps indirectly.
     """
     seen: set[Indicator] = set()
     open_ = [(key, key) for key in calls(asked)]
@@ -112,24 +112,24 @@ def _refuse_given_goals(engine: Engine, asked: Term, image: str) -> None:
             raise UserError(
                 f"{what}, which in({image}, ...) cannot ask there; write that goal itself instead"
             )
-        # what the library calls inside is known to readers by the name that they call
+        # readers know the calls inside the library by the name that they call
         inside = key in library().exports and not engine.defines(*key)
         for body in bodies:
             open_.extend((called, called_as if inside else called) for called in calls(body))
 
 
 def _bodies(engine: Engine, key: Indicator) -> list[Term]:
-    """The bodies of a predicate of the program, or else of the library."""
+    """Return the bodies of a predicate of the program, or else of the library."""
     clauses = engine.clauses(*key) if engine.defines(*key) else library().clauses(*key)
     return [one.body for one in clauses]
 
 
 _GIVEN_GOALS: Final = frozenset({("phrase", 2), ("phrase", 3), ("with_output_to", 2)})
-"""Builtins without clauses that call what they are given, in another form than it has."""
+"""Builtins without clauses that call an argument in another form."""
 
 
 def _calls_unknown(goal: Term) -> bool:
-    """Whether a body calls a goal that is not known before it runs."""
+    """Return whether a body calls a goal that is unknown before it runs."""
     goal = deref(goal)
     called = indicator(goal)
     if called is None:
@@ -142,7 +142,7 @@ def _calls_unknown(goal: Term) -> bool:
 
 
 def _shallow(goal: Term) -> Iterator[Indicator]:
-    """The goals of a goal, `in` among them."""
+    """Yield the goals of a goal, `in` among them."""
     goal = deref(goal)
     called = indicator(goal)
     if called is not None:
@@ -157,7 +157,7 @@ def _with_body(clause: Clause, body: Term) -> Clause:
 
 
 class _Copies:
-    """The predicates of a program as they are in one image."""
+    """The predicates of a program as copied for one image."""
 
     def __init__(self, engine: Engine, image: str) -> None:
         self._engine = engine
@@ -167,7 +167,7 @@ class _Copies:
         self._made: set[Indicator] = set()
 
     def _declared(self) -> dict[Indicator, list[tuple[Term, Term]]]:
-        """The facts of the image: heads with their bodies."""
+        """Return the facts of the image: heads with their bodies."""
         facts: dict[Indicator, list[tuple[Term, Term]]] = {}
         for clause in self._engine.clauses("image", 3):
             name, fact, goal = map(deref, clause.args)
@@ -175,16 +175,14 @@ class _Copies:
             if isinstance(name, Atom) and name.name == self._image and key is not None:
                 facts.setdefault(key, []).append((fact, goal))
         if not facts:
-            raise UserError(
-                f"in({self._image}, ...): no clause image({self._image}, Fact, Goal) says what it is"
-            )
+            raise UserError(f"in({self._image}, ...): no clause image({self._image}, Fact, Goal) defines it")
         return facts
 
     def change(self, goal: Term) -> Term | None:
-        """The copy's goal in place of a goal that the image concerns."""
+        """Return the copy's goal for a goal that depends on the image; None for others."""
         key = indicator(goal)
         if key is None:
-            raise UserError(f"a goal that is not known before the rules run cannot be asked in {self._image}")
+            raise UserError(f"a goal that is unknown before the rules run cannot be asked in {self._image}")
         if key == IN:
             raise UserError(f"an image of an image: in/2 inside in({self._image}, ...)")
         if key[0] == "call" and key[1] > 1:
@@ -216,17 +214,17 @@ class _Copies:
 
 
 def _applied(goal: Struct, image: str) -> Term:
-    """The goal that ``call(Closure, Argument, ...)`` calls."""
+    """Return the goal that ``call(Closure, Argument, ...)`` calls."""
     closure = deref(goal.args[0])
     if isinstance(closure, Struct):
         return Struct(closure.name, (*closure.args, *goal.args[1:]))
     if isinstance(closure, Atom):
         return Struct(closure.name, goal.args[1:])
-    raise UserError(f"a goal that is not known before the rules run cannot be asked in {image}")
+    raise UserError(f"a goal that is unknown before the rules run cannot be asked in {image}")
 
 
 def affected(engine: Engine, facts: Iterable[Indicator]) -> set[Indicator]:
-    """The predicates that call one of `facts`, however indirectly, and those themselves."""
+    """Return `facts` and the predicates that call one of them, also indirectly."""
     callers: dict[Indicator, set[Indicator]] = {}
     for key in engine.predicates():
         for clause in engine.clauses(*key):
@@ -245,7 +243,7 @@ def affected(engine: Engine, facts: Iterable[Indicator]) -> set[Indicator]:
 def undefined_calls(
     engine: Engine, start: Iterable[Term], is_known: Callable[[str, int], bool]
 ) -> list[Indicator]:
-    """Predicates that goals call, however indirectly, and that neither the program nor `is_known` has."""
+    """Return the predicates that goals call, also indirectly, but that are not defined anywhere."""
     missing: dict[Indicator, None] = {}
     seen: set[Indicator] = set()
     open_ = [key for goal in start for key in calls(goal)]

@@ -1,4 +1,4 @@
-"""The names that vehicles may have: those that a program speaks of tell scenes apart, all others do not."""
+"""The names of vehicles that matter: those that a program mentions distinguish scenes, others do not."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DIRECTIONS: Final = frozenset(Atom(direction.value) for direction in Direction)
 
 
 def mentioned(roots: Iterable[Node], focus: Relation) -> frozenset[Atom]:
-    """The atoms besides `ego` that nodes compare the name of a vehicle, or of the one in `focus`, with."""
+    """Return the atoms besides `ego` with which nodes compare a vehicle's name, or that of `focus`."""
     named = {(VEHICLE, VEHICLE.key), (focus, 0)}
     found: set[Atom] = set()
     for node in reach(roots):
@@ -36,7 +36,7 @@ def mentioned(roots: Iterable[Node], focus: Relation) -> frozenset[Atom]:
 
 
 def _sources(node: Node, atoms: set[Atom], columns: set[tuple[Relation, int | None]]) -> None:
-    """The constants and the columns that an atom may come from."""
+    """Collect the constants and the columns that an atom may come from."""
     if node.op == "const":
         atoms.add(node.data)
     elif node.op == "col":

@@ -18,7 +18,7 @@ _CONTEXT: Final = multiprocessing.get_context("spawn")
 
 
 class WorkerDied(UserError):
-    """A process ended without an answer, as when memory runs out."""
+    """A process ended without an answer, for example because memory ran out."""
 
 
 class Workers(Generic[Task, Result]):
@@ -53,7 +53,7 @@ class Workers(Generic[Task, Result]):
             pipe.close()
 
     def results(self, next_task: Callable[[], Task | None]) -> Iterator[Result]:
-        """The results in the order in which they are ready; None for a task says that there are no more.
+        """Yield the results as they become ready; `next_task` returns None if there are no more tasks.
 
         Raises:
             WorkerDied: a process ended without an answer.
@@ -83,8 +83,8 @@ def _hand_out(pipe: Connection, next_task: Callable[[], Any]) -> bool:
 
 
 def _work(pipe: Connection, prepare: Callable[..., Callable[[Any], Any]], arguments: tuple[Any, ...]) -> None:
-    """What each process does until it is ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent sees to it
+    """Perform tasks in a process until it is ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process handles it
     function = None
     while True:
         try:

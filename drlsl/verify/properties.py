@@ -1,4 +1,4 @@
-"""Rules and the properties that they are to have, as one Prolog program."""
+"""Rules and the properties to prove of them, as one Prolog program."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """Something that holds in every scene: its name, and what it says in words."""
+    """A statement that holds in every scene: its name, and its text in words."""
 
     name: str
     text: str
 
     @property
     def query(self) -> Query:
-        """Whether a scene breaks it."""
+        """The query whether a scene breaks it."""
         return Query(f"violates {self.name}", 0, "holds")
 
     @property
     def goal(self) -> str:
-        """The same as a goal."""
+        """The goal of that query."""
         return f"violates({self.name})"
 
 
 @dataclass(frozen=True, slots=True)
 class Book:
-    """A rule program with the properties to be proved of it, and the ranges that they speak of.
+    """A rule program with the properties to be proved of it, and their ranges.
 
-    `missing` says, by property, which predicates it calls that the rules lack. `unknowns` are the numbers, by
-    name with what they are, that the properties speak of besides a scene; they have ranges as well.
+    `missing` lists, by property, the predicates that it calls and the rules lack. `unknowns` are further
+    numbers of the properties besides the scene, names with descriptions; they have ranges as well.
     """
 
     engine: Engine
@@ -66,7 +66,7 @@ class Book:
 
 
 def default_properties() -> Path:
-    """The file of the properties of driving rules, beside the default rules."""
+    """Return the file of the properties of driving rules, beside the default rules."""
     return default_rules()[0].parent / "properties.pl"
 
 
@@ -74,8 +74,8 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     """Load rules, by default highway.pl, and properties, by default properties.pl.
 
     Raises:
-        UserError: a file cannot be read, declares no property, or rules and properties define the same.
-        PrologError: a file is not a valid program.
+        UserError: a file cannot be read or has no property, or rules and properties define the same
+        predicate. PrologError: a file is not a valid program.
     """
     engine = consult_sealed(rules or default_rules(), properties or (default_properties(),))
     declared = _declared(engine)
@@ -92,7 +92,7 @@ def _facts(unknowns: Iterable[str]) -> Schema:
 
 
 def _declared(engine: Engine) -> tuple[Property, ...]:
-    """The properties that `property/2` declares, each with a predicate of its own that says it is broken."""
+    """Return the properties of `property/2`, each with a predicate of its own for its violation."""
     found = [
         Property(str(solution["Name"]), str(solution["Text"]))
         for solution in engine.query("property(Name, Text)")
@@ -101,7 +101,7 @@ def _declared(engine: Engine) -> tuple[Property, ...]:
         raise UserError("no properties: a file of properties has property(Name, Text) and violates(Name)")
     twice = [name for name, times in Counter(one.name for one in found).items() if times > 1]
     if twice:
-        raise UserError(f"property({twice[0]}, ...) is there more than once")
+        raise UserError(f"property({twice[0]}, ...) is declared more than once")
     names = {one.name for one in found}
     broken = set()
     for clause in engine.clauses("violates", 1):
@@ -120,7 +120,7 @@ def _declared(engine: Engine) -> tuple[Property, ...]:
 
 
 def _ranges(engine: Engine) -> dict[str, Range]:
-    """The default ranges with those that the properties give."""
+    """Return the default ranges, updated with those of the properties."""
     ranges = dict(RANGES)
     for solution in engine.query("range(Name, Low, High)"):
         name, low, high = str(solution["Name"]), solution["Low"], solution["High"]
@@ -139,7 +139,7 @@ def _range(word: str, name: str, low: object, high: object) -> Range:
 
 
 def _unknowns(engine: Engine) -> tuple[dict[str, str], dict[str, Range]]:
-    """The numbers that `unknown/4` declares: what they are, and their ranges."""
+    """Return the numbers that `unknown/4` declares: their descriptions, and their ranges."""
     texts: dict[str, str] = {}
     ranges: dict[str, Range] = {}
     for solution in engine.query("unknown(Name, Low, High, Text)"):
@@ -150,13 +150,13 @@ def _unknowns(engine: Engine) -> tuple[dict[str, str], dict[str, Range]]:
             raise UserError(f"unknown({name}, ...): {name}/1 has clauses; expected only :- dynamic({name}/1)")
         bounds = _range("unknown", name, solution["Low"], solution["High"])
         if ranges.setdefault(name, bounds) != bounds:
-            raise UserError(f"unknown({name}, ...) is there more than once, with unlike ranges")
+            raise UserError(f"unknown({name}, ...) is declared more than once, with different ranges")
         texts[name] = str(solution["Text"])
     return texts, ranges
 
 
 def _missing(engine: Engine, properties: Iterable[Property], facts: Schema) -> dict[str, tuple[str, ...]]:
-    """By property, the predicates that it needs and nobody defines."""
+    """Return, by property, the predicates that it needs and that are not defined."""
 
     def is_known(name: str, arity: int) -> bool:
         return (

@@ -1,4 +1,4 @@
-"""Proves properties of a rule program, case by case, or finds scenes that break them."""
+"""Prove properties of a rule program, case by case, or find scenes that break them."""
 
 from __future__ import annotations
 
@@ -33,31 +33,32 @@ from drlsl.verify.smt import (
 )
 
 Status: TypeAlias = Literal["proved", "proved in real arithmetic only", "refuted", "unknown"]
-"""Only in real arithmetic: a scene breaks the property by rounding."""
+"""The status of a property that a scene breaks by rounding."""
 
 Part: TypeAlias = Literal["broken", "error"]
-"""What is wrong with a scene: it breaks the property, or the rules raise an error on the way."""
+"""The two ways to refute a property: a scene breaks it, or the rules raise an error on the way."""
 
 MARGINS: Final = (Fraction(1, 10), Fraction(1, 10**4), Fraction(0))
-"""By how much a scene is to break a property: a clear break is sought first."""
+"""Amounts by which a scene must break a property: a clear break is searched first."""
 
 PARTS: Final[tuple[Part, ...]] = ("broken", "error")
 
 USUAL: Final = (2, 1, 0)
-"""How many kinds of numbers are to be what they usually are: speeds too, all others, none."""
+"""The kinds of numbers that must have their usual values: speeds too, all others, none."""
 
 FIRST_TRY: Final = 12.0
-"""Seconds for a proof before scenes are looked for: most that need products as they are take less."""
+"""Time for a proof before scenes are searched [s]: most proofs with exact products take less."""
 
 SLOTS: Final = (0.7, 3.0, 12.0, 48.0)
-"""Seconds that one attempt at a scene may take, round by round."""
+"""Time limit of one attempt at a scene, by round [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found out about a property in one case.
+    """The result for a property in one case.
 
-    Of the questions that were proved, cvc5 `confirmed` so many; so many were left `unanswered` by one solver.
+    `confirmed`: the number of proved questions that cvc5 confirmed, `unanswered`: those with one solver's
+    answer.
     """
 
     property: str
@@ -72,7 +73,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Properties to be looked into in one case, with up to `vehicles` vehicles besides the ego."""
+    """Properties to examine in one case, with up to `vehicles` vehicles besides the ego."""
 
     case: Case
     properties: tuple[str, ...]
@@ -82,11 +83,11 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Prover:
-    """A rule program made ready: its properties lowered, each with the vehicles that are enough for it.
+    """A prepared rule program: its lowered properties, each with a sufficient number of vehicles.
 
-    `refused` says of properties that no formula can be made of them, and why. `names` has, by property, those
-    that the rules or it compare names of vehicles with. `settled` remembers what was proved, for cases that
-    ask the same.
+    `refused` gives the reason for each property that cannot be made a formula. `names` has, by property, the
+    names of vehicles that the rules or the property compare with. `settled` remembers proofs, for cases that
+    ask the same question.
     """
 
     book: Book
@@ -137,18 +138,18 @@ class Prover:
         return prover
 
     def property(self, name: str) -> Property:
-        """The property of that name."""
+        """Return the property of that name."""
         return next(one for one in self.book.properties if one.name == name)
 
     def floats(self, name: str, vehicles: int) -> Floats:
-        """What a proof of a property, with up to so many vehicles besides the ego, says of doubles."""
+        """Return what a proof of a property, with up to `vehicles` vehicles, implies for doubles."""
         with deep_recursion():
             return margin_of(
                 self.answers[name], self._pools[name], self.book.ranges, self._most(name, vehicles)
             )
 
     def run(self, task: Task) -> list[Finding]:
-        """What is found out about each property of a task, with no more vehicles than are enough."""
+        """Return the findings about each property of a task, with no more vehicles than sufficient."""
         simple: dict[tuple[int, frozenset[Atom]], _Translation] = {}
         findings = []
         with deep_recursion():
@@ -177,7 +178,7 @@ class Prover:
             left = exact.possible(name, left, min(FIRST_TRY, task.time_limit / 2))
             if not left:
                 return found("proved")
-            # the search and the proof share what time is left
+            # the search and the proof share the remaining time
             search = _Search(self, task, name, started + task.time_limit / 2)
             counterexample = search.scene()
             if counterexample is not None:
@@ -190,19 +191,19 @@ class Prover:
         return found("unknown", _why(left, search, task.time_limit))
 
     def _most(self, name: str, vehicles: int) -> int:
-        """How many vehicles to look at for a property: as many as are enough stand for any number."""
+        """Return the number of vehicles to examine: a sufficient number covers any number."""
         enough = self.enough[name]
         return vehicles if enough is None else min(vehicles, enough)
 
     def replay(self, name: str) -> Replay:
-        """What confirms the counterexamples of a property."""
+        """Return the checker of a property's counterexamples."""
         if name not in self._replays:
             self._replays[name] = Replay(self.book.engine, self.property(name), self.book.facts)
         return self._replays[name]
 
 
 def _why(left: Mapping[Part, Outcome], search: _Search, seconds: float) -> str:
-    """Why there is neither a proof nor a scene."""
+    """Return the reason why there is neither a proof nor a scene."""
     reasons = {outcome.reason for outcome in left.values() if outcome.verdict == "unknown"}
     if search.ran_out or reasons & {"timeout", "canceled"}:
         return f"time limit of {seconds:g} s"
@@ -212,9 +213,9 @@ def _why(left: Mapping[Part, Outcome], search: _Search, seconds: float) -> str:
 
 
 class _Translation:
-    """The formulas of one case, made when they are asked for, for a property and others like it.
+    """The formulas of one case, made on demand, for a property and others like it.
 
-    Properties are alike where they speak of the same names of vehicles.
+    Properties are alike if they mention the same names of vehicles.
     """
 
     def __init__(self, prover: Prover, task: Task, name: str, *, clears: bool) -> None:
@@ -234,12 +235,12 @@ class _Translation:
         self._known: dict[Bool, Outcome] = {}
 
     def truth(self, name: str, part: Part) -> Bool:
-        """The property is broken, or the rules raise an error on the way."""
+        """Return the formula of a part: the property is broken, or the rules raise an error on the way."""
         answer = self._prover.answers[name]
         return self._formula.truth(answer.found if part == "broken" else answer.undecided)
 
     def possible(self, name: str, parts: Iterable[Part], seconds: float) -> dict[Part, Outcome]:
-        """Which parts of a property's negation may be true in some scene; none of them: it is proved."""
+        """Return the parts of a property's negation that may be true in some scene; none: it is proved."""
         outcomes = {part: self._outcome(self.truth(name, part), seconds) for part in parts}
         return {part: outcome for part, outcome in outcomes.items() if outcome.verdict != "none"}
 
@@ -250,7 +251,7 @@ class _Translation:
         return known
 
     def _ask(self, truth: Bool, seconds: float) -> Outcome:
-        """First with products as numbers of their own; where divisions are cleared, then as they are."""
+        """Ask first with products as free numbers, then with cleared divisions, then exactly."""
         if truth is self.scene.algebra.booleans.false:
             return Outcome("none")
         outcome = self._linear.holds_nowhere(truth, seconds)
@@ -265,7 +266,7 @@ class _Translation:
         return Outcome("none")
 
     def linearly_possible(self, name: str, parts: Iterable[Part], seconds: float) -> list[Part]:
-        """Those of the parts that hold in some scene if products may be any numbers."""
+        """Return the parts that hold in some scene if products may be any numbers."""
         false = self.scene.algebra.booleans.false
         truths = {part: self.truth(name, part) for part in parts}
         return [
@@ -276,7 +277,7 @@ class _Translation:
 
 
 class _Search:
-    """Looks for a scene that breaks a property: few vehicles first, and usual numbers where they do."""
+    """Searches a scene that breaks a property: few vehicles first, and usual numbers if possible."""
 
     def __init__(self, prover: Prover, task: Task, name: str, deadline: float) -> None:
         self._prover = prover
@@ -288,11 +289,11 @@ class _Search:
 
     @property
     def ran_out(self) -> bool:
-        """Whether the time is up."""
+        """True if the time is up."""
         return time.perf_counter() >= self._deadline
 
     def scene(self) -> Counterexample | None:
-        """A confirmed counterexample, if one is found: many short attempts before long ones."""
+        """Return a confirmed counterexample, if one is found: many short attempts before long ones."""
         hopeless: set[_Attempt] = set()
         for seconds in SLOTS:
             for attempt in self._attempts():
@@ -311,7 +312,7 @@ class _Search:
         return None
 
     def _attempts(self) -> Iterator[_Attempt]:
-        """All kinds of scenes, the smallest and most usual first."""
+        """Yield all kinds of scenes, the smallest and most usual first."""
         for vehicles in range(self._task.vehicles + 1):
             for part in self._possible(vehicles):
                 for usual in USUAL:
@@ -319,7 +320,7 @@ class _Search:
                         yield _Attempt(vehicles, part, usual, margin)
 
     def _possible(self, vehicles: int) -> list[Part]:
-        """What may be wrong with a scene of so many vehicles, as far as linear arithmetic sees."""
+        """Return the ways in which a scene with `vehicles` vehicles may be wrong, by linear arithmetic."""
         if vehicles not in self._parts:
             if self.ran_out:
                 return []
@@ -348,7 +349,7 @@ class _Search:
 
 @dataclass(frozen=True, slots=True)
 class _Attempt:
-    """What kind of scene is sought."""
+    """The kind of scene that is searched."""
 
     vehicles: int
     part: Part

@@ -1,4 +1,4 @@
-"""The scenes that proofs speak of: the roads, and the ranges of every number."""
+"""The scenes that proofs cover: the roads, and the ranges of every number."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ TYPICAL: Final[dict[str, Fraction]] = {
     "ego_speed": Fraction(30),
     "speed": Fraction(28),
 }
-"""What a counterexample has where nothing speaks against it, so that a person sees what matters in it.
+"""The usual numbers of a counterexample, unless the property excludes them, so that the others stand out.
 
-`aside` is the ego's place in its lane; the `speed` of the others is meant in the ego's direction.
+`aside` is the ego's place in its lane; the `speed` of the others is in the ego's direction.
 """
 
 NAMES: Final = {
@@ -65,12 +65,12 @@ NAMES: Final = {
     "radar_range": "radar range, m",
     "position": "the ego's x, m",
 }
-"""What the ranges are of, for people."""
+"""Descriptions of the ranges."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One kind of road, the lane that the ego is in, and the one that it steers for.
+    """One kind of road, the ego's lane, and its target lane.
 
     Lanes are numbered 1, 2, … from the top; the upper `leftward` ones run right to left, the other
     `rightward` ones left to right.
@@ -89,23 +89,23 @@ class Case:
 
     @property
     def lanes(self) -> int:
-        """How many lanes there are."""
+        """The number of lanes."""
         return self.leftward + self.rightward
 
     def direction(self, lane: int) -> Direction:
-        """Which way a lane runs."""
+        """Return the direction of a lane."""
         return Direction.RIGHT_TO_LEFT if lane <= self.leftward else Direction.LEFT_TO_RIGHT
 
 
 MOST_LANES_EACH_WAY: Final = 3
-"""Roads with two directions have up to so many lanes in each."""
+"""Largest number of lanes in each direction of a two-way road."""
 
 MOST_LANES_ONE_WAY: Final = 6
-"""Roads with one direction have up to so many."""
+"""Largest number of lanes of a one-way road."""
 
 
 def all_cases() -> list[Case]:
-    """Every road, every lane of it for the ego and every lane next to that, or itself, to steer for."""
+    """Return every road with every lane for the ego, and with every target lane from there."""
     both = range(MOST_LANES_EACH_WAY + 1)
     one = range(MOST_LANES_EACH_WAY + 1, MOST_LANES_ONE_WAY + 1)
     roads = [(up, down) for up in both for down in both if up + down]

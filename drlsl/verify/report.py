@@ -1,6 +1,6 @@
-"""A whole verification: every property in every case, on several processes, and what comes of it.
+"""A whole verification: every property in every case, on several processes, and its result.
 
-Before it is reported what is proved is judged in floats, and attacked.
+Proofs are judged in floats, and attacked, before they are reported.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from drlsl.verify.ranges import Case, Range, all_cases
 from drlsl.verify.smt import SolverChoice
 
 IN_REAL_ARITHMETIC: Final = "proved in real arithmetic only"
-"""The status of what floats may break at no limit at all, or do break in a scene."""
+"""The status of a property that floats may break without any limit, or do break in a scene."""
 
 _MOST_UNKNOWN: Final = 3
-"""A property that stays unknown in so many cases is not tried in more."""
+"""Number of unknown cases after which a property is not tried in more."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be verified; no rules and no properties stand for the default ones.
+    """A request to verify; no rules and no properties stand for the default ones.
 
-    `only` names properties, none for all; `time_limit` [s] is for one property in one case. What is proved is
-    attacked with `attack` scenes, drawn by `seed`; with 0 it is not. `solver` says who proves.
+    `only` names properties, none for all; `time_limit` [s] is for one property in one case. Proofs are
+    attacked with `attack` scenes, drawn by `seed`; 0: not at all. `solver` is the one that proves.
     """
 
     rules: tuple[Path, ...] = ()
@@ -51,13 +51,13 @@ class Request:
 
 @dataclass(slots=True)
 class Result:
-    """What is known of one property.
+    """The result for one property.
 
-    `enough`: with so many vehicles a proof holds for any number; None where that is not known. `seconds` of
-    all processes together. `attack` is what came of attacking it, None where it was not; `prover_error` says
-    that it was proved and is refuted by a scene. `floats` is what the proof says of the floats that run, None
-    where there is none. With two solvers, `confirmed` questions were answered alike by both and `unanswered`
-    ones by one alone. `amount` is by how much a scene breaks it that only rounding makes possible.
+    `enough`: a proof with that number of vehicles holds for any number; None if that is unknown. `seconds` of
+    all processes together. `attack` is the result of attacking it, None if it was not attacked;
+    `prover_error`: it was proved and is refuted by a scene. `floats` is what the proof implies for floats,
+    None without a proof. With two solvers, `confirmed` questions were answered alike by both and `unanswered`
+    ones by only one. `amount` is the distance from the limit at which a scene breaks it by rounding.
     """
 
     name: str
@@ -79,12 +79,12 @@ class Result:
 
     @property
     def for_any_number(self) -> bool:
-        """Whether it is proved for any number of vehicles."""
+        """True if it is proved for any number of vehicles."""
         proved = self.status in ("proved", IN_REAL_ARITHMETIC)
         return proved and self.enough is not None and self.enough <= self.vehicles
 
     def take(self, finding: Finding) -> None:
-        """Add what was found in one case."""
+        """Add the finding in one case."""
         self.seconds += finding.seconds
         self.confirmed += finding.confirmed
         self.unanswered += finding.unanswered
@@ -98,20 +98,20 @@ class Result:
                 self.reason = f"{finding.reason} ({finding.case})"
 
     def take_judgement(self, judged: Judgement) -> None:
-        """Add what is said of floats, and what came of attacking it."""
+        """Add what its proof implies for floats, and the result of the attack."""
         self.seconds += judged.seconds
         self.take_floats(judged.floats)
         if judged.attack is not None:
             self.take_attack(judged.attack)
 
     def take_floats(self, floats: Floats) -> None:
-        """Add what its proof says of floats."""
+        """Add what its proof implies for floats."""
         self.floats = floats
         if floats.margin is None:
             self.status, self.reason = IN_REAL_ARITHMETIC, floats.because or ""
 
     def take_attack(self, attacked: Attack) -> None:
-        """Add what came of attacking it; within its margin floats may judge otherwise."""
+        """Add the result of the attack; within the margin floats may decide differently."""
         self.attack = attacked
         hit = attacked.hit
         if hit is None:
@@ -134,12 +134,12 @@ class Result:
         self.counterexample = hit.counterexample
 
     def _is_within_margin(self, hit: Hit) -> bool:
-        """Whether the proof says of a scene that floats may judge it otherwise."""
+        """Return whether floats may judge a scene differently, by the margin of the proof."""
         margin = None if self.floats is None else self.floats.margin
         return margin is not None and hit.amount is not None and hit.amount <= Fraction(margin)
 
     def as_json(self) -> dict[str, Any]:
-        """The result as `--json` prints it."""
+        """Return the result as `--json` prints it."""
         return {
             "property": self.name,
             "status": self.status,
@@ -158,7 +158,7 @@ class Result:
 
 
 def _rounds(hit: Hit) -> str:
-    """Why a hit leaves a proof in real arithmetic."""
+    """Return the reason why a hit limits a proof to real arithmetic."""
     if hit.kind == "open":
         return "a scene breaks it in floats, and exact arithmetic cannot judge that scene"
     if hit.amount is None:
@@ -168,9 +168,9 @@ def _rounds(hit: Hit) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What is known of all properties, and the scenes that it is about.
+    """The results for all properties, and the scenes that they cover.
 
-    `ranges` has those of the `unknowns` too, numbers besides the scene, by name with what they are.
+    `ranges` includes those of the `unknowns`, numbers besides the scene, names with descriptions.
     """
 
     results: list[Result]
@@ -180,7 +180,7 @@ class Report:
 
 
 def verify(request: Request, progress: Callable[[int, int], None] = lambda _done, _all: None) -> Report:
-    """Prove or refute every property; `progress` is told how many of how many steps are done.
+    """Prove or refute every property; `progress` is called with the numbers of finished and of all steps.
 
     Raises:
         UserError: a file cannot be read, or there is no such property.
@@ -221,7 +221,7 @@ class _Agenda:
         self._cases = iter(request.cases)
 
     def next(self) -> Task | None:
-        """The next task; None when nothing is left to do."""
+        """Return the next task; None if nothing is left to do."""
         open_ = tuple(
             result.name
             for result in self._results
@@ -235,7 +235,7 @@ class _Agenda:
 
 @dataclass(frozen=True, slots=True)
 class Raid:
-    """A property that is proved, to be judged in floats and attacked; no orders: only the former."""
+    """A proved property, to be judged in floats and attacked; without orders, only judged."""
 
     property: str
     vehicles: int
@@ -244,7 +244,7 @@ class Raid:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What a proof says of floats, and what came of attacking it."""
+    """The consequences of a proof for floats, and the result of the attack."""
 
     property: str
     floats: Floats
@@ -253,7 +253,7 @@ class Judgement:
 
 
 def _raid(result: Result, request: Request) -> Raid | None:
-    """How to attack what is proved; what holds for any number of vehicles with more than are enough."""
+    """Return how to attack a proof; one for any number of vehicles with more than are sufficient."""
     if result.status != "proved" or not request.cases:
         return None
     vehicles = request.vehicles
@@ -272,12 +272,12 @@ def _one_by_one(raids: Sequence[Raid]) -> Callable[[], Raid | None]:
 
 Work: TypeAlias = "Task | Raid"
 _Crew: TypeAlias = "Callable[[Callable[[], Any]], Iterator[Any]]"
-"""Does what it is handed, piece by piece; yields findings or judgements."""
+"""Performs pieces of work; yields findings or judgements."""
 
 
 @contextmanager
 def _crew(prover: Prover, request: Request) -> Iterator[_Crew]:
-    """This process, or several."""
+    """Provide the workers: this process, or several."""
     if request.jobs == 1:
         yield functools.partial(_alone, prover)
         return
@@ -294,7 +294,7 @@ def _alone(prover: Prover, next_task: Callable[[], Work | None]) -> Iterator[Any
 def _prepare(
     rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str], solver: SolverChoice
 ) -> Callable[[Work], Any]:
-    """What a worker does with a piece of work."""
+    """Return the function by which a worker performs a piece of work."""
     return functools.partial(_do, Prover.of(rules, properties, only, solver))
 
 

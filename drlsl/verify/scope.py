@@ -1,11 +1,11 @@
-"""How many vehicles a scene needs to break a property: small scenes that stand for all.
+"""The number of vehicles that a scene needs to break a property: small scenes that stand for all.
 
-From a scene that breaks a property, vehicles are taken away one after another. What says that no vehicle is
-such and such stays true, and what says that some vehicle is stays true as long as one of those is kept. So
-the scene that is left with one vehicle for each such statement, and one for each least or greatest value or
-first match that the property compares, breaks the property as well. `witnesses` counts them: a property that
-holds with so many vehicles holds with any number. All that speaks only of the vehicle that `focus/1` names
-speaks of the same one.
+From a scene that breaks a property, vehicles are removed one after another. A statement that no vehicle has
+some quality stays true, and a statement that some vehicle has it stays true as long as one of those is kept.
+So the scene with one vehicle left for each such statement, and one for each least or greatest value or first
+match that the property compares, breaks the property as well. `witnesses` counts them: a property that holds
+with that number of vehicles holds with any number. All statements about the vehicle that `focus/1` names are
+about the same one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from drlsl.verify.smt import FOCUS
 
 
 class NoBound(Exception):
-    """No number of vehicles is known to be enough."""
+    """No number of vehicles is known to be sufficient."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """Vehicles that have to stay: those of the choices in `named`, `more` besides, and the one in focus."""
+    """Vehicles that must be kept: those of the choices in `named`, `more` besides, and the one in focus."""
 
     named: frozenset[Choice] = frozenset()
     more: int = 0
@@ -58,7 +58,7 @@ _Fixed: TypeAlias = frozenset[Node]
 
 
 def witnesses(answer: Answer) -> int | None:
-    """How many vehicles besides the ego are enough for a scene in which the answer holds; None: not known."""
+    """Return a sufficient number of vehicles for a scene in which the answer holds; None: unknown."""
     try:
         return max(len(_truth(root, True, frozenset())) for root in (answer.found, answer.undecided))
     except NoBound:
@@ -66,7 +66,7 @@ def witnesses(answer: Answer) -> int | None:
 
 
 def _either(one: Need, other: Need) -> Need:
-    """Enough for whichever of two statements it is that holds."""
+    """Return what is sufficient for either of two statements."""
     for large, small in ((one, other), (other, one)):
         if large.named >= small.named and large.more >= small.more and large.focus >= small.focus:
             return large
@@ -74,7 +74,7 @@ def _either(one: Need, other: Need) -> Need:
 
 
 def _truth(node: Node, holds: bool, fixed: _Fixed) -> Need:
-    """What keeps a statement true, or false, when other vehicles are taken away."""
+    """Return the vehicles that keep a statement true, or false, when others are removed."""
     if node.op == "const":
         return NONE
     if node.op == "not":
@@ -91,7 +91,7 @@ def _truth(node: Node, holds: bool, fixed: _Fixed) -> Need:
         return _some(node, fixed) if holds else _none(node, fixed)
     args = node.args
     if node.op == "eq" and any(_is_focus(a) and (_is_name(b) or _is_ego_or_focus(b)) for a, b in _both(node)):
-        # a vehicle that stays is in focus or is not; the ego never is
+        # a kept vehicle is in focus or is not; the ego never is
         args = tuple(arg for arg in args if not _is_focus(arg))
     result = NONE
     for arg in args:
@@ -100,7 +100,7 @@ def _truth(node: Node, holds: bool, fixed: _Fixed) -> Need:
 
 
 def _conditions(node: Node) -> list[tuple[Node, Node]]:
-    """The conditions of a quantifier on its row, each with the index that it binds: its own and its rows'."""
+    """Return the conditions on a quantifier's row, each with the index that it binds: its own, its rows'."""
     conditions = [(node.args[1], node.args[0])]
     rows = node.args[0].args[0]
     while rows.op == "where":
@@ -110,7 +110,7 @@ def _conditions(node: Node) -> list[tuple[Node, Node]]:
 
 
 def _some(node: Node, fixed: _Fixed) -> Need:
-    """Some row meets the condition: it stays."""
+    """Return the needs of "some row meets the condition": that row is kept."""
     result = NONE
     for cond, loop in _conditions(node):
         result = result | _truth(cond, True, fixed | {loop})
@@ -118,7 +118,7 @@ def _some(node: Node, fixed: _Fixed) -> Need:
 
 
 def _none(node: Node, fixed: _Fixed) -> Need:
-    """No row meets the condition: so it is of the rows that stay, if each fails it by itself."""
+    """Return the needs of "no row meets the condition": nothing, if each kept row fails it by itself."""
     result = NONE
     for cond, loop in _conditions(node):
         own = _truth(cond, False, fixed - {loop} if _over_vehicles(node) else fixed | {loop})
@@ -129,7 +129,7 @@ def _none(node: Node, fixed: _Fixed) -> Need:
 
 
 def _row(node: Node, fixed: _Fixed) -> Need:
-    """The vehicle that a quantifier chooses."""
+    """Return the needs of the vehicle that a quantifier chooses."""
     if not _over_vehicles(node):
         return NONE
     if any(_of_another(cond, loop) is False for cond, loop in _conditions(node)):
@@ -143,7 +143,7 @@ def _row(node: Node, fixed: _Fixed) -> Need:
 
 
 def _of_another(cond: Node, loop: Node) -> bool | None:
-    """What a condition says of a row that is neither the ego nor the vehicle in focus; None: it depends."""
+    """Return the truth of a condition for a row that is neither ego nor focus; None: it depends."""
     if cond.op == "const":
         return bool(cond.data)
     if cond.op == "not":
@@ -186,7 +186,7 @@ def _over_vehicles(node: Node) -> bool:
 
 
 def _value(node: Node, fixed: _Fixed) -> Need:
-    """What keeps a number, an atom or a choice of row as it is."""
+    """Return the vehicles that keep a number, an atom or a choice of row unchanged."""
     if node.kind == "bool":
         return _truth(node, True, fixed) | _truth(node, False, fixed)
     if node.op in QUANTIFIERS:
@@ -202,7 +202,7 @@ def _value(node: Node, fixed: _Fixed) -> Need:
 
 
 def _chosen(node: Node, fixed: _Fixed) -> Need:
-    """A least or greatest value, or a first match, stays what it is while its row does."""
+    """Return the needs of a least or greatest value, or a first match: its row is kept."""
     if node.op in ("count", "sum") and _over_vehicles(node):
         raise NoBound
     result = NONE

@@ -1,7 +1,7 @@
-"""Rules and properties in one program, and neither changes what the other says.
+"""Rules and properties in one program, where neither changes the meaning of the other.
 
-Rules come from whoever wants them proved. Were they to add a clause to a predicate that the properties are
-written in, or to change how these are read, a property would say something else than its file does.
+Rules come from the person who wants them proved. If they added a clause to a predicate of the properties, or
+changed how these are read, a property would mean something else than its file says.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4))
-"""What files of properties declare; each of several files may have clauses of these, in any order."""
+"""The predicates that files of properties declare; each of several files may have clauses of them."""
 
 _SHARED: Final = "".join(
     f":- multifile({name}/{arity}).\n:- discontiguous({name}/{arity}).\n" for name, arity in DECLARED
@@ -30,10 +30,10 @@ _Clauses: TypeAlias = Mapping[Indicator, Sequence[Clause]]
 
 
 def consult_sealed(rules: Sequence[str | Path], properties: Sequence[str | Path]) -> Engine:
-    """An engine with the rules, and with the properties as they are read by themselves.
+    """Return an engine with the rules, and with the properties as they are read by themselves.
 
     Raises:
-        UserError: a file cannot be read, or rules and properties define or change the same.
+        UserError: a file cannot be read, or rules and properties define or change the same predicate.
         PrologError: a file is not a valid program.
     """
     alone = Engine()
@@ -48,14 +48,14 @@ def consult_sealed(rules: Sequence[str | Path], properties: Sequence[str | Path]
     _check_properties(own, wanted, _clauses(engine))
     if not flags == _flags(alone) == _flags(engine):
         raise UserError(
-            "the rules and the properties set the flags iso or occurs_check to unlike values, which changes "
-            "what the others say; set them alike in both"
+            "the rules and the properties set the flags iso or occurs_check to different values, which "
+            "changes their meaning; set them alike in both"
         )
     return engine
 
 
 def _flags(engine: Engine) -> tuple[bool, str]:
-    """The flags by which a program means something else."""
+    """Return the flags that change the meaning of a program."""
     return engine.flags.iso, engine.flags.occurs_check
 
 
@@ -66,12 +66,12 @@ def _consult(engine: Engine, properties: Sequence[str | Path]) -> None:
 
 
 def _clauses(engine: Engine) -> dict[Indicator, list[Clause]]:
-    """The clauses of every predicate that has some."""
+    """Return the clauses of every predicate that has any."""
     return {key: clauses for key in engine.predicates() if (clauses := engine.clauses(*key))}
 
 
 def _check_rules(own: _Clauses, wanted: _Clauses) -> None:
-    """The rules leave alone what the properties are written in."""
+    """Check that the rules leave the predicates of the properties alone."""
     mentioned = {name for clauses in wanted.values() for clause in clauses for name in _names(clause.body)}
     for key, clauses in own.items():
         name = f"{key[0]}/{key[1]}"
@@ -88,7 +88,7 @@ def _check_rules(own: _Clauses, wanted: _Clauses) -> None:
 
 
 def _check_properties(own: _Clauses, wanted: _Clauses, found: _Clauses) -> None:
-    """The properties leave the rules alone, and are what they are without them."""
+    """Check that the properties leave the rules alone, and do not change when loaded with them."""
     for key, clauses in own.items():
         if list(found.get(key, ())) != list(clauses):
             new = [clause for clause in found.get(key, ()) if clause not in clauses] or clauses
@@ -113,12 +113,12 @@ def _is_provided(key: Indicator) -> bool:
 
 
 def _place(clauses: Sequence[Clause]) -> str:
-    """Where the first of the clauses stands; a clause that was asserted stands nowhere."""
+    """Return the position of the first of the clauses; an asserted clause has none."""
     return next((str(clause.span) for clause in clauses if clause.span is not None), "a directive")
 
 
 def _names(term: Term) -> Iterator[str]:
-    """The names of the atoms and compound terms in a term."""
+    """Yield the names of the atoms and compound terms in a term."""
     open_ = [term]
     while open_:
         part = deref(open_.pop())
@@ -130,7 +130,7 @@ def _names(term: Term) -> Iterator[str]:
 
 
 def _alike(one: Clause, other: Clause) -> bool:
-    """Two clauses are the same but for the names of variables."""
+    """Return whether two clauses are the same up to the names of variables."""
     pairs: dict[Var, Var] = {}
     back: dict[Var, Var] = {}
     open_: list[tuple[Term, Term]] = [(one.head, other.head), (one.body, other.body)]

@@ -1,9 +1,9 @@
-"""Looks for a scene that breaks a property that is said to be proved, by trying very many.
+"""Search a scene that breaks a proved property, by trying very many.
 
 A proof is no better than the prover. So scenes are drawn by the hundred thousand within the ranges of the
-property, at random and at every edge and constant, and those that come near to breaking it are changed little
-by little to come nearer. Nothing here uses the formulas of the solver: scenes are asked of the array tier,
-what breaks there of the interpreter, and what it confirms is judged in exact arithmetic.
+property, at random and at every edge and constant, and those closest to breaking it are changed in small
+steps to get closer. Nothing here uses the formulas of the solver: scenes are given to the array tier, those
+that break the property there to the interpreter, and those that it confirms are judged in exact arithmetic.
 """
 
 from __future__ import annotations
@@ -35,44 +35,44 @@ from drlsl.verify.ranges import Case
 from drlsl.verify.smt import NOBODY
 
 SCENES: Final = 200_000
-"""Scenes with which a property is attacked, if nothing else is said."""
+"""Default number of scenes with which a property is attacked."""
 
 SEED: Final = 20_230_610
-"""The seed of the scenes, if nothing else is said."""
+"""Default seed of the scenes."""
 
 _BATCH: Final = 2048
 _DRAWN: Final = 0.5
-"""The share of scenes that are drawn anew; the others are changed from those that come near."""
+"""The share of scenes that are drawn anew; the others are changed from those that are close."""
 
 _CLIMBERS: Final = 512
 _MOST_TARGETS: Final = 16
 _MOST_SUSPECTS: Final = 192
-"""The interpreter is asked about so many scenes that the array tier leaves undecided."""
+"""Number of scenes left undecided by the array tier that are given to the interpreter."""
 
 _SUSPECTS_OF_A_BATCH: Final = 4
 _HITS_OF_A_BATCH: Final = 3
 _MOST_HITS: Final = 16
-"""So many scenes that break the property in floats are looked into."""
+"""Number of scenes breaking the property in floats that are examined."""
 
 _CLOSE: Final = 1e-3
-"""Scenes that fail in nothing but a comparison, by less than this in its unit, came close."""
+"""Scenes come close if only a comparison fails, by less than this in its unit."""
 
 _EXTRAPOLATED: Final = 0.25
-"""The share of climbers that go on as far as their last step promises."""
+"""The share of climbers that extrapolate their last step."""
 
 _SELECTION: Final = 16
-"""Every so many rounds the climbers that are farthest off start from where others are."""
+"""Number of rounds after which the worst climbers restart from the places of others."""
 
 Kind: TypeAlias = Literal["exact", "float", "open", "tiers"]
-"""Whether exact arithmetic confirms a hit, refutes it or cannot judge it; or the tiers do not agree on it."""
+"""The verdict on a hit: exact arithmetic confirms, refutes or cannot judge it, or the tiers disagree."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hit:
     """A scene that breaks a property that was proved.
 
-    `amount` is how far, in exact arithmetic, the comparison that floats judge otherwise lies from its limit
-    [m, m/s, s or what it compares]; None where exact arithmetic agrees, or cannot judge.
+    `amount` is the exact distance from its limit of the comparison that floats decide differently [m, m/s, s
+    or the unit that it compares]; None if exact arithmetic agrees, or cannot judge.
     """
 
     kind: Kind
@@ -80,19 +80,19 @@ class Hit:
     amount: Fraction | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """The hit as `--json` prints it."""
+        """Return the hit as `--json` prints it."""
         amount = None if self.amount is None else float(self.amount)
         return {"kind": self.kind, "amount": amount, **self.counterexample.as_json()}
 
 
 @dataclass(slots=True)
 class Attack:
-    """What came of attacking one property.
+    """The result of attacking one property.
 
-    Of `scenes` scenes `near` reached the last goal of a clause of violates/1, and `close` lacked less than
-    `_CLOSE` in a comparison of breaking the property. `undecided` were left to the interpreter, which was
-    asked about `asked` of them. `broken` broke the property in floats; `hit` is the worst of these. `reason`
-    says why it was not attacked.
+    Of `scenes` scenes `near` reached the last goal of a clause of violates/1, and `close` would have broken
+    the property but for less than `_CLOSE` in a comparison. `undecided` were left to the interpreter, which
+    examined `asked` of them. `broken` broke the property in floats; `hit` is the worst of these. `reason`
+    tells why it was not attacked.
     """
 
     scenes: int = 0
@@ -113,7 +113,7 @@ class Attack:
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """How to attack: `scenes` scenes on these roads, with up to `vehicles` vehicles besides the ego."""
+    """The extent of an attack: `scenes` scenes on these roads, with up to `vehicles` other vehicles."""
 
     cases: Sequence[Case]
     vehicles: int
@@ -125,7 +125,7 @@ def attack(book: Book, prop: Property, orders: Orders, replay: Replay | None = N
     """Try to break a property; the same orders always try the same scenes."""
     result = Attack()
     if not orders.cases or not orders.scenes:
-        result.reason = "no scenes were asked for"
+        result.reason = "no scenes were requested"
         return result
     try:
         with deep_recursion():
@@ -138,7 +138,7 @@ def attack(book: Book, prop: Property, orders: Orders, replay: Replay | None = N
 
 
 class _Target:
-    """A property as a program over arrays, and the scenes that it is about."""
+    """A property as a program over arrays, and its layout of scenes."""
 
     def __init__(self, book: Book, prop: Property, orders: Orders) -> None:
         near = _near(book, prop)
@@ -162,14 +162,14 @@ class _Target:
         self.parts = _parts(lowered.pool, roots)
 
     def facts(self, drawn: Drawn) -> dict[tuple[str, int], Rows]:
-        """The facts of scenes as arrays."""
+        """Return the facts of scenes as arrays."""
         return array_facts(self.layout, drawn, self.program.code)
 
 
 def _near(book: Book, prop: Property) -> Query | None:
-    """The query whether a scene reaches the last goal of a clause of violates/1; None where that is no query.
+    """Return the query whether a scene reaches the last goal of a clause of violates/1, if there is one.
 
-    Of a clause with one goal it is reached in every scene.
+    In a clause with one goal, every scene reaches it.
     """
     bodies: list[Term] = []
     for clause in book.engine.clauses("violates", 1):
@@ -204,7 +204,7 @@ def _conjunction(goals: Sequence[Term]) -> Term:
 
 
 def _combined(numbers: Sequence[float]) -> list[float]:
-    """A program's constants, with the sums, differences, products and quotients of two, if few."""
+    """Return a program's constants, with the sums, differences, products and quotients of pairs, if few."""
     own = sorted(set(numbers))
     if len(own) > 24:
         return own
@@ -219,7 +219,7 @@ def _combined(numbers: Sequence[float]) -> list[float]:
 
 
 def _parts(pool: Pool, roots: Sequence[Node]) -> list[tuple[Node, ...]]:
-    """Ways to break a property: conjunctions, one of which holds in every scene that does."""
+    """Return the ways to break a property: conjunctions, one of which holds in every scene that does."""
     open_: list[tuple[Node, ...]] = [(root,) for root in roots if root is not pool.false]
     done: list[tuple[Node, ...]] = []
     while open_:
@@ -261,7 +261,7 @@ class _Attacker:
     # ---------------------------------------------------------------- scenes
 
     def _drawn(self) -> _Climbers | None:
-        """Try scenes that are drawn anew; keep those that come nearest, of each way to break the property."""
+        """Try scenes that are drawn anew; keep the closest for each way to break the property."""
         target = self._target
         climbers = _Climbers(len(target.parts)) if target.parts else None
         share = _DRAWN if target.parts else 1.0
@@ -274,7 +274,7 @@ class _Attacker:
         return climbers
 
     def _climb(self, climbers: _Climbers) -> None:
-        """Change the scenes that come nearest, and go on from those that come no less near."""
+        """Change the closest scenes, and continue from those that are at least as close."""
         turn = 0
         while not self._done:
             turn += 1
@@ -289,7 +289,7 @@ class _Attacker:
                 climbers.select(self._rng)
 
     def _distances(self, facts: Mapping[tuple[str, int], Rows], count: int) -> Floats:
-        """How far scenes are from each way to break the property, shape (ways, N)."""
+        """Return the distances of scenes from each way to break the property, shape (ways, N)."""
         close = Closeness(facts, count, self._target.program.code)
         far = np.array([sum(close.distance(node) for node in part) for part in self._target.parts])
         self._result.close += int((far.min(axis=0) < _CLOSE).sum())
@@ -298,7 +298,7 @@ class _Attacker:
     # ---------------------------------------------------------------- hits
 
     def _try(self, drawn: Drawn) -> dict[tuple[str, int], Rows]:
-        """Ask the array tier about scenes, and look into those that break the property."""
+        """Run the array tier on scenes, and examine those that break the property."""
         facts = self._target.facts(drawn)
         read = {key: rows for key, rows in facts.items() if key in self._target.program.reads}
         answers = self._target.program(read or {("time_step", 1): facts["time_step", 1]})
@@ -318,7 +318,7 @@ class _Attacker:
         return facts
 
     def _suspects(self, undecided: Mask) -> Iterator[int]:
-        """Some of the scenes that may raise an error."""
+        """Yield some of the scenes that may raise an error."""
         places = undecided.nonzero()[0]
         few = places[:: max(1, len(places) // _SUSPECTS_OF_A_BATCH)][:_SUSPECTS_OF_A_BATCH]
         for place in few:
@@ -326,7 +326,7 @@ class _Attacker:
                 yield int(place)
 
     def _worst(self, facts: Mapping[tuple[str, int], Rows], broken: Mask) -> Iterator[int]:
-        """Some of the scenes that break the property: those that do so most clearly, and any one."""
+        """Yield some of the scenes that break the property: the clearest ones, and any one."""
         places = broken.nonzero()[0]
         if not len(places) or self._hits >= _MOST_HITS:
             return
@@ -342,7 +342,7 @@ class _Attacker:
         return self._result.hit is not None and self._result.hit.kind == "exact"
 
     def _look_into(self, one: Drawn, *, decided: bool) -> None:
-        """Ask the interpreter about one scene, and judge it exactly."""
+        """Run the interpreter on one scene, and judge it exactly."""
         scene, focus, unknowns = scene_of(self._target.layout, one)
         found = self._replay.breaks(scene, focus, unknowns)
         if found is None:
@@ -351,7 +351,7 @@ class _Attacker:
             return
         exact = exact_facts(self._target.layout, one)
         if exact is None:
-            return  # a vehicle that only floats put there
+            return  # a vehicle that is there only in floats
         answer = self._target.answer
         node = answer.undecided if found.error is not None else answer.found
         verdict = judge(node, exact, float_facts(scene, focus, unknowns))
@@ -366,25 +366,25 @@ class _Attacker:
 
 
 def _badness(hit: Hit) -> tuple[int, float]:
-    """What is worse is greater; a distance that is not known is worse than any."""
+    """Return a key that is greater for worse hits; an unknown distance is the worst."""
     order: Sequence[Kind] = ("float", "open", "tiers", "exact")
     return order.index(hit.kind), math.inf if hit.amount is None else float(hit.amount)
 
 
 @dataclass(slots=True)
 class _Climbers:
-    """The scenes that come nearest to breaking the property, each in a way that it is after."""
+    """The scenes closest to breaking the property, each in one of the ways to do so."""
 
     ways: int
     _scenes: Drawn | None = None
     _far: Floats = field(default_factory=lambda: np.empty(0))
     _way: Any = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     _step: Floats = field(default_factory=lambda: np.empty((0, 0)))
-    """The last step that led nearer, by scene, as a multiple of which the rest of the way is estimated."""
+    """The last step closer, by scene, whose multiple estimates the rest of the way."""
 
     @property
     def scenes(self) -> Drawn:
-        """Where they are."""
+        """The present scenes."""
         assert self._scenes is not None
         return self._scenes
 
@@ -392,7 +392,7 @@ class _Climbers:
         return len(self._far)
 
     def take(self, drawn: Drawn, far: Floats) -> None:
-        """Keep the nearest scenes of a batch, of each way as many."""
+        """Keep the closest scenes of a batch, equally many for each way."""
         quota = max(1, _CLIMBERS // self.ways)
         scenes, fars, ways = [], [], []
         for way in range(self.ways):
@@ -401,7 +401,7 @@ class _Climbers:
                 scenes.append(self._scenes.take(own))
                 fars.append(self._far[own])
                 ways.append(self._way[own])
-            # not all from one batch: many small steps from one scene find less than from several
+            # not all from one batch: small steps from several scenes find more than from one
             best = np.argsort(far[way], kind="stable")[: max(1, quota // 8)]
             scenes.append(drawn.take(best))
             fars.append(far[way][best])
@@ -416,27 +416,27 @@ class _Climbers:
         self._step = np.zeros(self._scenes.numbers.shape)
 
     def extrapolate(self, drawn: Drawn, rng: np.random.Generator) -> None:
-        """Have some of the scenes go on as far as their last step promises."""
+        """Move some of the scenes by a multiple of their last step."""
         rows = ((rng.random(len(drawn)) < _EXTRAPOLATED) & self._step.any(axis=1)).nonzero()[0]
         share = rng.choice([0.5, 1.0, 1.0, 1.0, 2.0], size=(len(rows), 1))
         drawn.numbers[rows] = self.scenes.numbers[rows] + share * self._step[rows]
 
     def advance(self, drawn: Drawn, far: Floats) -> None:
-        """Go on from the changed scenes that come no less near."""
+        """Continue from the changed scenes that are at least as close."""
         count = len(drawn)
         own = far[self._way[:count], np.arange(count)]
         better = (own <= self._far[:count]).nonzero()[0]
         nearer = (own < self._far[:count]).nonzero()[0]
         moved = drawn.numbers[nearer] - self.scenes.numbers[nearer]
         before, after = _gap(self._far[nearer]), _gap(own[nearer])
-        sure = before - after > 1e-3 * before  # of several comparisons one may fail more than before
+        sure = before - after > 1e-3 * before  # one of several comparisons may fail by more than before
         share = np.where(sure, after / np.where(sure, before - after, 1.0), 0.0)
         self._step[nearer] = moved * share[:, None]
         self.scenes.put(better, drawn.take(better))
         self._far[better] = own[better]
 
     def select(self, rng: np.random.Generator) -> None:
-        """Have the eighth that is farthest off, of each way, start where others of it are."""
+        """Restart the worst eighth of each way from others of it."""
         for way in range(self.ways):
             own = (self._way == way).nonzero()[0]
             order = own[np.argsort(self._far[own], kind="stable")]
@@ -449,7 +449,7 @@ class _Climbers:
 
 
 def _gap(far: Floats) -> Floats:
-    """What a comparison lacks, from its distance; of several that fail no more than a guess."""
+    """Return the missing amount of a comparison, from its distance; a guess if several fail."""
     rest = far - np.floor(far)
     result: Floats = rest / np.maximum(1.0 - rest, 1e-9)
     return result

@@ -1,7 +1,8 @@
-"""How far scenes are from making a condition of a lowered program true, in arrays: what a search goes by.
+"""Distances of scenes from making a condition of a lowered program true, in arrays, to guide a search.
 
-Distances are 0 where the condition holds, and add up over what fails: a comparison counts by how far it
-fails, from 0 to 1, anything else with 1. Each loop of the program is an axis, the last axis is the scenes'.
+Distances are 0 if the condition holds, and add up over its failing parts: a comparison counts by the amount
+by which it fails, from 0 to 1, any other failing part as 1. Each loop of the program is an axis, the last
+axis is the scenes'.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from drlsl.lowering.ir import Node, relation_of
 Facts: TypeAlias = Mapping[tuple[str, int], Rows]
 
 _HARDLY: Final = 1e-12
-"""The distance of what fails by nothing at all, as 1 < 1 does."""
+"""The distance of a comparison that fails by an amount of 0, such as 1 < 1."""
 
 _RING: Final[dict[str, Callable[..., Any]]] = {
     "add": np.add,
@@ -60,7 +61,7 @@ class Closeness:
         self._done: dict[Any, Array] = {}
 
     def distance(self, node: Node, *, wanted: bool = True) -> Array:
-        """How far each scene is from making `node` true, or false, shape (N,): 0 where it is."""
+        """Return each scene's distance from making `node` true, or false, shape (N,): 0 where it is."""
         with np.errstate(all="ignore"):
             return _flat(self._far(node, wanted), len(self._scenes))
 
@@ -77,7 +78,7 @@ class Closeness:
     # ---------------------------------------------------------------- truth
 
     def _far(self, node: Node, wanted: bool) -> Array:
-        """How far `node` is from being true, or false."""
+        """Return the distance of `node` from being true, or false."""
         if node.op == "not":
             return self._far(node.args[0], not wanted)
         return self._once(f"far {wanted}", node, lambda node: self._make_far(node, wanted))
@@ -119,7 +120,7 @@ class Closeness:
         return np.where((left == right) == wanted, 0.0, 1.0)
 
     def _some(self, node: Node, wanted: bool) -> Array:
-        """Of the rows that a quantifier visits, the one that comes closest; or all of them together."""
+        """Return the distance of the closest row that a quantifier visits; or of all rows together."""
         with self._visiting(node) as (axis, missing):
             far = self._far(node.args[1], wanted)
         if wanted:
@@ -130,8 +131,8 @@ class Closeness:
 
     @contextmanager
     def _visiting(self, node: Node) -> Iterator[tuple[int, Array]]:
-        """Give a quantifier's loop an axis; yields it, and by row how far the loop is from visiting it."""
-        # the levels of loops tell those apart that rules nest; those in conditions on rows may be the same
+        """Give a quantifier's loop an axis; yield it, and by row the distance from visiting it."""
+        # levels distinguish loops that rules nest; loops in conditions on rows may share a level
         taken = {self._axis[other] for other in node.free}
         level = next(level for level in range(len(taken) + 1) if level not in taken)
         loop = node.args[0]
@@ -150,7 +151,7 @@ class Closeness:
 
     @contextmanager
     def _at(self, loop: Node, level: int) -> Iterator[None]:
-        """Have a loop on an axis; a quantifier around may use the same loop on another."""
+        """Have a loop on an axis; an enclosing quantifier may use the same loop on another axis."""
         outer = self._axis.get(loop)
         self._axis[loop] = level
         yield
@@ -160,7 +161,7 @@ class Closeness:
             self._axis[loop] = outer
 
     def _along(self, rows: Array, level: int) -> Array:
-        """Values by row with the rows along the axis of a loop."""
+        """Return values by row with the rows along the axis of a loop."""
         return rows.reshape(rows.shape[0], *(1,) * level, rows.shape[1])
 
     def _index(self, node: Node) -> Array:
@@ -226,7 +227,7 @@ class Closeness:
         return np.asarray(rows[self._index(index), scene])
 
     def _gathered(self, node: Node) -> Array:
-        """A number that all rows together give."""
+        """Return a number aggregated over all rows."""
         with self._visiting(node) as (axis, missing):
             mask = (missing == 0) & self._holds(node.args[1])
             if node.op == "count":
@@ -241,12 +242,12 @@ class Closeness:
 
 
 def _flat(values: Array, scenes: int) -> Array:
-    """Values by scene, whose other axes have length 1, as one axis."""
+    """Return values by scene, whose other axes have length 1, as one axis."""
     return np.broadcast_to(values.reshape(values.shape[-1]), (scenes,))
 
 
 def _shortfall(holds: Array, excess: Array, wanted: bool) -> Array:
-    """By how much a comparison fails, from 0 to 1; `excess` is above 0 where it does not hold."""
+    """Return by how much a comparison fails, from 0 to 1; `excess` is above 0 if it does not hold."""
     gap = excess if wanted else -excess
     size = np.where(gap >= 0, 1.0 - 1.0 / (1.0 + gap), 1.0)
     return np.where(holds == wanted, 0.0, _HARDLY + size)

@@ -1,4 +1,4 @@
-"""Arithmetic on real numbers that lie between two rationals; rational ones are known exactly."""
+"""Arithmetic on real numbers enclosed between two rationals; rational results are exact."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Enclosure:
 
     @property
     def exact(self) -> bool:
-        """Whether it is known exactly."""
+        """True if it is known exactly."""
         return self.low == self.high
 
 
 NO_NUMBER: Final = Enclosure(Fraction(1), Fraction(0))
-"""What an operation has where it is not defined, as 1 / 0 is not."""
+"""The result of an undefined operation, such as 1 / 0."""
 
 ANY: Final = Enclosure(Fraction(-1), Fraction(-2))
 """Any number, or none."""
@@ -34,16 +34,16 @@ ANY: Final = Enclosure(Fraction(-1), Fraction(-2))
 _HALF: Final = Fraction(1, 2)
 _LARGEST_EXPONENT: Final = 2000
 _LARGEST_POWER: Final = 1 << 16
-"""Exact powers have no more bits than this."""
+"""Most bits of an exact power."""
 
 
 def point(value: Fraction) -> Enclosure:
-    """A number that is known."""
+    """Return the enclosure of a known number."""
     return Enclosure(value, value)
 
 
 def hull(one: Enclosure, other: Enclosure) -> Enclosure:
-    """One of two numbers."""
+    """Return the enclosure of both numbers."""
     if one == other:
         return one
     if not {one, other}.isdisjoint((ANY, NO_NUMBER)):
@@ -52,7 +52,7 @@ def hull(one: Enclosure, other: Enclosure) -> Enclosure:
 
 
 def operation(op: str, data: object, args: Sequence[Enclosure], bits: int) -> Enclosure:
-    """An operation of a lowered program; what is not rational is enclosed to some `bits` binary places."""
+    """Return an operation of a lowered program; irrational results are enclosed to some `bits` bits."""
     if NO_NUMBER in args:
         return NO_NUMBER
     if ANY in args:
@@ -103,7 +103,7 @@ def _sign(value: Fraction) -> int:
 
 
 def _round(value: Fraction) -> int:
-    """The nearest integer, a half upward in magnitude."""
+    """Return the nearest integer; halves are rounded away from 0."""
     return _sign(value) * math.floor(abs(value) + _HALF)
 
 
@@ -158,11 +158,11 @@ def _sqrt(one: Enclosure, bits: int) -> Enclosure:
 
 
 def _root(square: Fraction, bits: int) -> tuple[Fraction, Fraction]:
-    """Bounds on a square root: the root itself where it is rational."""
+    """Return bounds on a square root: the root itself if it is rational."""
     exact = Fraction(math.isqrt(square.numerator), math.isqrt(square.denominator))
     if exact * exact == square:
         return exact, exact
-    # at least so many binary places that count, however small the root is
+    # at least this many significant binary places, however small the root is
     shift = bits + max(0, square.denominator.bit_length() - square.numerator.bit_length()) // 2
     scaled = math.isqrt((square.numerator << (2 * shift)) // square.denominator)
     return Fraction(scaled, 1 << shift), Fraction(scaled + 1, 1 << shift)
@@ -196,7 +196,7 @@ _DOMAINS: Final[dict[str, tuple[int | None, int | None]]] = {
     "atanh": (-1, 1),
 }
 _OPEN: Final = frozenset({"log", "atanh"})
-"""The functions that have no value at the ends of their domains."""
+"""The functions that are undefined at the ends of their domains."""
 
 
 def _monotone(
@@ -215,7 +215,7 @@ def _context(bits: int) -> decimal.Context:
 
 
 def _decimal(value: Fraction, context: decimal.Context) -> tuple[decimal.Decimal, decimal.Decimal]:
-    """A fraction rounded down and up."""
+    """Return a fraction rounded down and up."""
     numerator, denominator = decimal.Decimal(value.numerator), decimal.Decimal(value.denominator)
     low, high = context.copy(), context.copy()
     low.rounding, high.rounding = decimal.ROUND_FLOOR, decimal.ROUND_CEILING
@@ -225,7 +225,7 @@ def _decimal(value: Fraction, context: decimal.Context) -> tuple[decimal.Decimal
 def _enclosed(
     value: Fraction, bits: int, function: Callable[[decimal.Decimal, decimal.Context], decimal.Decimal]
 ) -> tuple[Fraction, Fraction]:
-    """A growing function whose results are rounded correctly, so that they are off by one unit at most."""
+    """Return the enclosure of a growing function with correctly rounded results: off by at most one unit."""
     context = _context(bits)
     low, high = (function(end, context) for end in _decimal(value, context))
     return Fraction(low.next_minus(context)), Fraction(high.next_plus(context))

@@ -1,7 +1,7 @@
-"""What a lowered condition is in one scene, in exact arithmetic, and where floats judge otherwise.
+"""The truth of a lowered condition in one scene, in exact arithmetic, and where floats differ.
 
-Numbers are rational, or enclosed between two rationals that come closer with every try: roots and
-exponentials need that. What the enclosures cannot decide within `_MOST_BITS` stays open.
+Numbers are rational, or enclosed between two rationals that get closer with every try: roots and exponentials
+need that. What the enclosures cannot decide within `_MOST_BITS` is left open.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from drlsl.verify.attack.sampled_facts import ExactFacts
 
 N = TypeVar("N")
 Truth: TypeAlias = "bool | None"
-"""None: the enclosures do not tell yet."""
+"""None: the enclosures do not decide yet."""
 
 Place: TypeAlias = tuple[Node, tuple[int, ...]]
-"""A comparison, and the rows that the loops around it stand at."""
+"""A comparison, and the current rows of the loops around it."""
 
 _BITS: Final = (80, 200, 500, 1200)
 _MOST_BITS: Final = _BITS[-1]
 
 
 class CannotJudge(Exception):
-    """The enclosures are too wide, however many digits they have."""
+    """The enclosures are too wide, with any number of digits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a condition holds in exact arithmetic, None if that is not known.
+    """The truth of a condition in exact arithmetic, None if unknown.
 
-    `amount` is how far, in exact arithmetic, the comparison that floats judge otherwise lies from its limit;
-    None where there is none, or it is not known.
+    `amount` is the exact distance from its limit of the comparison that floats decide differently; None if
+    there is none, or it is unknown.
     """
 
     holds: bool | None
@@ -46,7 +46,7 @@ class Verdict:
 
 
 def judge(node: Node, exact: ExactFacts, floats: ExactFacts) -> Verdict:
-    """Whether `node` holds in a scene, by its facts in rational numbers, and how far floats are off."""
+    """Return whether `node` holds in a scene, by its facts in rational numbers, and the error of floats."""
     for bits in _BITS:
         judged = _Exact(exact, bits)
         try:
@@ -59,7 +59,7 @@ def judge(node: Node, exact: ExactFacts, floats: ExactFacts) -> Verdict:
 
 
 def _amount(node: Node, judged: _Exact, facts: ExactFacts) -> Fraction | None:
-    """The greatest distance of a comparison that floats judge otherwise, and not for one inside it."""
+    """Return the greatest distance of a comparison that floats decide differently, innermost ones only."""
     rounding = _Floats(facts)
     if rounding.truth(node) is judged.truth(node):
         return None
@@ -74,7 +74,7 @@ def _amount(node: Node, judged: _Exact, facts: ExactFacts) -> Fraction | None:
 
 
 class _Evaluation(ABC, Generic[N]):
-    """Evaluates nodes over the rows of one scene; `comparisons` has what each comparison came to."""
+    """Evaluates nodes over the rows of one scene; `comparisons` has the outcome of each comparison."""
 
     def __init__(self, facts: ExactFacts) -> None:
         self._facts = facts
@@ -86,27 +86,27 @@ class _Evaluation(ABC, Generic[N]):
 
     @abstractmethod
     def _number(self, value: Any) -> N:
-        """A constant, or a number of the facts."""
+        """Return a constant, or a number of the facts."""
 
     @abstractmethod
     def _operation(self, node: Node, args: Sequence[N]) -> N:
-        """An operation of arithmetic."""
+        """Return an operation of arithmetic."""
 
     @abstractmethod
     def _less(self, place: Place, left: N, right: N) -> Truth:
-        """left < right."""
+        """Return the truth of left < right."""
 
     @abstractmethod
     def _equal(self, place: Place, left: N, right: N) -> Truth:
-        """left = right."""
+        """Return the truth of left = right."""
 
     @abstractmethod
     def _within(self, place: Place, value: N, bound: float) -> Truth:
-        """The value is no further from 0 than `bound`."""
+        """Return the truth of: the value is at most `bound` away from 0."""
 
     @abstractmethod
     def _either(self, one: N, other: N) -> N:
-        """A number that is one of two."""
+        """Return a number that is one of two."""
 
     # ---------------------------------------------------------------- memory
 
@@ -123,7 +123,7 @@ class _Evaluation(ABC, Generic[N]):
     # ---------------------------------------------------------------- truth
 
     def truth(self, node: Node) -> Truth:
-        """A node of kind bool."""
+        """Return the truth of a node of kind bool."""
         result: Truth = self._once("truth", node, self._truth)
         return result
 
@@ -155,7 +155,7 @@ class _Evaluation(ABC, Generic[N]):
         return self._less(place, *values) if node.op == "lt" else self._equal(place, *values)
 
     def _sure(self, node: Node) -> bool:
-        """A condition that a choice of row hangs on."""
+        """Return the truth of a condition that decides a choice of row."""
         truth = self.truth(node)
         if truth is None:
             raise CannotJudge
@@ -164,12 +164,12 @@ class _Evaluation(ABC, Generic[N]):
     # ---------------------------------------------------------------- rows
 
     def _visited(self, node: Node) -> list[tuple[Truth, int]]:
-        """The rows that a quantifier looks at, each with whether it counts."""
+        """Return the rows that a quantifier visits, each with whether it counts."""
         loop, cond = node.args[:2]
         return self._met(self._rows(loop.args[0]), loop, cond)
 
     def _met(self, rows: list[tuple[Truth, int]], loop: Node, cond: Node) -> list[tuple[Truth, int]]:
-        """Rows with whether they are there and meet a condition."""
+        """Return rows with whether they exist and meet a condition."""
         outer = self._row.get(loop)
         result = []
         for there, place in rows:
@@ -179,14 +179,14 @@ class _Evaluation(ABC, Generic[N]):
         return result
 
     def _leave(self, loop: Node, outer: int | None) -> None:
-        """Put a loop back on the row that it stood at: a quantifier inside may use the same one."""
+        """Restore the row of a loop: a quantifier inside may use the same loop."""
         if outer is None:
             self._row.pop(loop, None)
         else:
             self._row[loop] = outer
 
     def _values(self, loop: Node, value: Node, places: Sequence[int]) -> list[N]:
-        """A number of each of these rows."""
+        """Return a number for each of these rows."""
         outer = self._row.get(loop)
         values = []
         for place in places:
@@ -204,7 +204,7 @@ class _Evaluation(ABC, Generic[N]):
         return [(True, place) for place in range(int(rows.op == "others"), count)]
 
     def index(self, node: Node) -> int:
-        """The row that an index node stands for."""
+        """Return the row that an index node stands for."""
         if node.op == "loop":
             return self._row[node]
         result: int = self._once("index", node, self._index)
@@ -240,7 +240,7 @@ class _Evaluation(ABC, Generic[N]):
     # ---------------------------------------------------------------- numbers and atoms
 
     def atom(self, node: Node) -> Atom:
-        """A node of kind atom."""
+        """Return the atom of a node."""
         if node.op == "const":
             constant: Atom = node.data
             return constant
@@ -254,7 +254,7 @@ class _Evaluation(ABC, Generic[N]):
         return self._facts[relation.name, relation.arity][self.index(node.args[0])][column]
 
     def value(self, node: Node) -> N:
-        """A number."""
+        """Return the number of a node."""
         result: N = self._once("value", node, self._value)
         return result
 
@@ -274,7 +274,7 @@ class _Evaluation(ABC, Generic[N]):
         return self._operation(node, [self.value(arg) for arg in node.args])
 
     def _gathered(self, node: Node) -> N:
-        """A number that all rows together give."""
+        """Return a number aggregated over all rows."""
         visited = self._visited(node)
         if any(truth is None for truth, _ in visited):
             raise CannotJudge
@@ -288,7 +288,7 @@ class _Evaluation(ABC, Generic[N]):
 
     @abstractmethod
     def _joined(self, op: str, values: Sequence[N]) -> N:
-        """Numbers added, or the least or greatest of them."""
+        """Return the sum of numbers, or the least or greatest of them."""
 
 
 class _Exact(_Evaluation[Enclosure]):
@@ -300,7 +300,7 @@ class _Exact(_Evaluation[Enclosure]):
         self.distances: dict[Place, Fraction] = {}
 
     def _number(self, value: Any) -> Enclosure:
-        # a float of the program is the decimal fraction that it prints as, as in `Algebra.number`
+        # a float of the program is the decimal fraction that it prints as, like in `Algebra.number`
         return point(Fraction(repr(value)) if isinstance(value, float) else Fraction(value))
 
     def _operation(self, node: Node, args: Sequence[Enclosure]) -> Enclosure:
@@ -316,7 +316,7 @@ class _Exact(_Evaluation[Enclosure]):
         return hull(one, other)
 
     def _measured(self, place: Place, left: Enclosure, right: Enclosure) -> Truth:
-        """Keep how far apart two numbers are; False where one of them is none, None where it may be."""
+        """Record the distance of two numbers; False if one of them is undefined, None if it may be."""
         if left is NO_NUMBER or right is NO_NUMBER:
             return False
         if left is ANY or right is ANY:
@@ -337,7 +337,7 @@ class _Exact(_Evaluation[Enclosure]):
         return False if left.high < right.low or right.high < left.low else None
 
     def _within(self, place: Place, value: Enclosure, bound: float) -> Truth:
-        # a real number can be divided by anything but 0: that a quotient overflows is a matter of floats
+        # a real number can be divided by anything but 0: only floats overflow
         limit = point(Fraction(0 if bound == SMALLEST_DIVISOR else bound))
         size = operation("abs", None, (value,), self._bits)
         measured = self._measured(place, size, limit)

@@ -27,11 +27,11 @@ ExactFacts: TypeAlias = dict[tuple[str, int], list[tuple[Any, ...]]]
 """Rows of atoms, integers and fractions, by name and arity."""
 
 _FIRST_OWN: Final = 1 << 20
-"""The integer that stands for vehicle 0 in arrays; atoms of the program have smaller ones."""
+"""The integer of vehicle 0 in arrays; atoms of the program have smaller ones."""
 
 
 class _Places:
-    """Where everything is, in coordinates of the road; arrays of shape (N, K) or (N, lanes)."""
+    """The places of vehicles and lanes, in coordinates of the road; of shape (N, K) or (N, lanes)."""
 
     def __init__(self, layout: Layout, drawn: Drawn) -> None:
         numbers = drawn.numbers
@@ -54,7 +54,7 @@ class _Places:
         self.width = _beside(scalar("ego_width"), columns["width"])
         dx, dy = self.x - self.x[:, :1], self.y - self.y[:, :1]
         reach = scalar("radar_range")
-        # at the very edge of the range a root may round either way: only what is surely inside is told
+        # at the edge of the range a root may round either way: only vehicles surely inside are facts
         near = (dx * dx + dy * dy <= reach * reach * (1.0 - 2e-15)) | ((dy == 0) & (np.abs(dx) <= reach))
         self.valid: Mask = near & _beside(np.ones((len(drawn), 1), dtype=np.bool_), drawn.present)
         self.lane = self._lanes(layout, drawn)
@@ -76,7 +76,7 @@ def _beside(one: Any, others: Any) -> Any:
 
 
 def array_facts(layout: Layout, drawn: Drawn, code: Callable[[str], int]) -> dict[tuple[str, int], Rows]:
-    """The facts of all scenes; `code` gives the integers that stand for atoms."""
+    """Return the facts of all scenes; `code` returns the integers of atoms."""
     places = _Places(layout, drawn)
     count, lanes = len(drawn), places.widths.shape[1]
     named = np.array([code(name) for name in layout.names] or [0], dtype=np.int64)
@@ -104,7 +104,7 @@ def array_facts(layout: Layout, drawn: Drawn, code: Callable[[str], int]) -> dic
 
 
 def name_of(layout: Layout, drawn: Drawn, vehicle: int) -> str:
-    """What a vehicle of the only scene is called."""
+    """Return the name of a vehicle of the only scene."""
     named = int(drawn.named[0, vehicle])
     if named >= 0:
         return layout.names[named]
@@ -115,7 +115,7 @@ def name_of(layout: Layout, drawn: Drawn, vehicle: int) -> str:
 
 
 def scene_of(layout: Layout, drawn: Drawn) -> tuple[Scene, str, dict[str, float]]:
-    """The only scene that was drawn, the vehicle in focus or `none`, and the numbers besides."""
+    """Return the only scene that was drawn, the vehicle in focus or `none`, and the other numbers."""
     places = _Places(layout, drawn)
     case = layout.cases[int(drawn.case[0])]
 
@@ -149,9 +149,9 @@ def scene_of(layout: Layout, drawn: Drawn) -> tuple[Scene, str, dict[str, float]
 
 
 def exact_facts(layout: Layout, drawn: Drawn) -> ExactFacts | None:
-    """The facts of the only scene in rational numbers; None if it is no scene that the proof is about.
+    """Return the facts of the only scene in rational numbers; None if the proof does not cover it.
 
-    A number at the end of its range is that end, whatever the float there is; lanes touch.
+    A number at the end of its range is exactly that end, whatever the float there is; lanes touch.
     """
     scene, focus, unknowns = scene_of(layout, drawn)
     case = layout.cases[int(drawn.case[0])]
@@ -199,7 +199,7 @@ def exact_facts(layout: Layout, drawn: Drawn) -> ExactFacts | None:
 
 
 def _exact(value: float, bounds: tuple[Fraction, Fraction]) -> Fraction:
-    """A float as the fraction that it is, at an end of its range that end."""
+    """Return a float as the fraction that it is or, at an end of its range, as that end."""
     return min(bounds[1], max(bounds[0], Fraction(value)))
 
 
@@ -214,13 +214,13 @@ def _exact_lanes(layout: Layout, case: Case, exact: list[Fraction]) -> list[Frac
 
 
 def _holds(strips: list[tuple[Fraction, Fraction]], lane: int, y: Fraction) -> bool:
-    """Whether a lane holds a centre, or, for lane 0, whether none does."""
+    """Return whether a lane holds a centre, or, for lane 0, whether none does."""
     inside = [abs(y - centre) <= width / 2 for centre, width in strips]
     return inside[lane - 1] if lane else not any(inside)
 
 
 def float_facts(scene: Scene, focus: str, unknowns: Mapping[str, float]) -> ExactFacts:
-    """The facts of a scene as the rules are told them, in floats."""
+    """Return the facts of a scene in floats, as the rules get them."""
     facts: ExactFacts = {
         key: [tuple(Atom(cell) if isinstance(cell, str) else cell for cell in row) for row in rows]
         for key, rows in facts_of(scene).items()

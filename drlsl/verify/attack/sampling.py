@@ -38,9 +38,9 @@ _TYPICAL_SPECIALS: Final = (0.0, 1.0)
 
 
 class Layout:
-    """Which column of a row holds which number of a scene, with the bounds of each.
+    """The columns of a scene's numbers in a row, with the bounds of each.
 
-    `names` are the atoms that a vehicle may be called besides a name of its own.
+    `names` are the possible names of a vehicle besides a name of its own.
     """
 
     def __init__(
@@ -89,17 +89,17 @@ class Layout:
 
     @property
     def columns(self) -> int:
-        """How many numbers a scene has."""
+        """The number of columns of a scene."""
         return len(self.kinds)
 
     def vehicle(self, name: str) -> slice:
-        """The columns of one number of every vehicle."""
+        """Return the columns of one number of every vehicle."""
         start = self.first_vehicle + OF_A_VEHICLE.index(name)
         stop = self.first_vehicle + self.vehicles * len(OF_A_VEHICLE)
         return slice(start, stop, len(OF_A_VEHICLE))
 
     def _bounds(self) -> tuple[Floats, Floats]:
-        """The bounds of every column, none rounded outward; a range of one number is that number."""
+        """Return the bounds of every column, rounded inward; a range of one number is that number."""
         low = np.array([_inside(self.ranges[kind], least=True) for kind in self.kinds])
         high = np.array([_inside(self.ranges[kind], least=False) for kind in self.kinds])
         grains = np.ceil(low / GRAIN) * GRAIN, np.floor(high / GRAIN) * GRAIN
@@ -124,7 +124,7 @@ def _around(most: Fraction) -> Range:
 
 
 def _inside(bounds: Range, *, least: bool) -> float:
-    """The end of a range as a float that is not beyond it, unless the range is one number."""
+    """Return the end of a range as a float that is not beyond it, unless the range is one number."""
     low, high = bounds
     end = float(low if least else high)
     if low != high and least and Fraction(end) < low:
@@ -136,11 +136,11 @@ def _inside(bounds: Range, *, least: bool) -> float:
 
 @dataclass(slots=True)
 class Drawn:
-    """N scenes: a row of numbers each, (N, columns), and what is no number.
+    """N scenes: a row of numbers each, (N, columns), and their discrete parts.
 
-    `case` (N,) is the place of the kind of road in `Layout.cases`. `present`, `named` and `upper`, (N, K),
-    say of each vehicle whether it is there, which of `Layout.names` it has (-1: its own), and which of two
-    lanes it is in where it stands on the line between them. `focus` (N,) is the place of a vehicle, or -1.
+    `case` (N,) is the index of the kind of road in `Layout.cases`. `present`, `named` and `upper`, (N, K),
+    are for each vehicle whether it exists, the index of its name in `Layout.names` (-1: its own), and its
+    lane if it is on the line between two. `focus` (N,) is the index of a vehicle, or -1.
     """
 
     numbers: Floats
@@ -154,7 +154,7 @@ class Drawn:
         return len(self.case)
 
     def take(self, index: Any) -> Drawn:
-        """Some of the scenes, copied."""
+        """Return some of the scenes, copied."""
         return Drawn(*(getattr(self, name)[index].copy() for name in self.__slots__))
 
     def put(self, index: Any, other: Drawn) -> None:
@@ -164,7 +164,7 @@ class Drawn:
 
 
 def joined(parts: Sequence[Drawn]) -> Drawn:
-    """Scenes one after the other."""
+    """Return scenes one after the other."""
     return Drawn(*(np.concatenate([getattr(part, name) for part in parts]) for name in Drawn.__slots__))
 
 
@@ -172,7 +172,7 @@ def draw(layout: Layout, rng: np.random.Generator, count: int) -> Drawn:
     """Draw `count` scenes: some with any numbers, some with usual ones, some at edges and constants."""
     shape = (count, layout.columns)
     numbers = layout.low + (layout.high - layout.low) * rng.random(shape)
-    # how often a number of a scene is a special one, and how often it is what it usually is
+    # how often a number of a scene is a special one, and how often it is the usual one
     special = rng.choice([0.0, 0.1, 0.4, 0.8], size=(count, 1))
     usual = rng.choice([0.0, 0.5, 0.9], size=(count, 1))
     typical = np.array([float(TYPICAL.get(kind, np.nan)) for kind in layout.kinds])
@@ -263,7 +263,7 @@ def _place(layout: Layout, rng: np.random.Generator, drawn: Drawn) -> None:
 
 
 def normalise(layout: Layout, drawn: Drawn) -> None:
-    """Make scenes of rows that were changed: within the bounds, the ego in its lane, every name once."""
+    """Make valid scenes of changed rows: within the bounds, the ego in its lane, every name once."""
     numbers = drawn.numbers
     grains = np.round(numbers / GRAIN) * GRAIN
     # a range of one number need not be a multiple
@@ -282,7 +282,7 @@ def normalise(layout: Layout, drawn: Drawn) -> None:
 
 
 def lane_centres(layout: Layout, drawn: Drawn) -> Floats:
-    """The y of the middle of every lane, shape (N, most lanes); lanes that a road lacks follow on."""
+    """Return the y of every lane's centre, shape (N, most lanes); missing lanes are extrapolated."""
     widths = drawn.numbers[:, layout.widths]
     steps = (widths[:, 1:] + widths[:, :-1]) / 2
     numbers = np.arange(1, widths.shape[1])

@@ -29,7 +29,7 @@ _BY_ROAD_COLUMN: Final[dict[int, tuple[str, ...]]] = {
 
 
 def relevant_columns(layout: Layout, program: BatchProgram[Any]) -> Mask:
-    """The columns of scenes that what a program reads depends on."""
+    """Return the columns of scenes on which the relations of a program depend."""
     kinds: set[str] = {name for name, _ in program.reads}
     for relation, table in ((("vehicle", 8), _BY_COLUMN), (("road_lane", 5), _BY_ROAD_COLUMN)):
         for column in program.columns_read(*relation):
@@ -41,7 +41,7 @@ def relevant_columns(layout: Layout, program: BatchProgram[Any]) -> Mask:
 
 
 def change(layout: Layout, rng: np.random.Generator, scenes: Drawn, relevant: Mask) -> Drawn:
-    """Change every scene a little: one or a few of its numbers, or who is there."""
+    """Change every scene slightly: one or a few of its numbers, or its vehicles."""
     drawn = scenes.take(slice(None))
     count = len(drawn)
     chosen = _chosen(layout, rng, drawn, relevant)
@@ -54,7 +54,7 @@ def change(layout: Layout, rng: np.random.Generator, scenes: Drawn, relevant: Ma
 
 
 def _chosen(layout: Layout, rng: np.random.Generator, drawn: Drawn, relevant: Mask) -> Mask:
-    """Which numbers of each scene are to change: of those that count, one or a few."""
+    """Return the numbers of each scene to change: one or a few of the relevant ones."""
     count = len(drawn)
     counts = np.broadcast_to(relevant, (count, layout.columns)).copy()
     size = len(OF_A_VEHICLE)
@@ -90,7 +90,7 @@ def _moved(
 
 
 def _rearrange(layout: Layout, rng: np.random.Generator, drawn: Drawn, scenes: Drawn) -> None:
-    """Change who is there, who is in focus, who is called what, and now and then the road."""
+    """Change the vehicles, the focus, the names, and occasionally the road."""
     count = len(drawn)
     roads = rng.random(count) < 0.05
     drawn.case[roads] = rng.integers(0, len(layout.cases), size=int(roads.sum()))
@@ -112,7 +112,7 @@ def _rearrange(layout: Layout, rng: np.random.Generator, drawn: Drawn, scenes: D
 
 
 def _copy_vehicles(layout: Layout, rng: np.random.Generator, drawn: Drawn, scenes: Drawn) -> None:
-    """Now and then a vehicle of another scene comes in, or one speed becomes another's."""
+    """Occasionally copy a vehicle from another scene, or one vehicle's speed to another."""
     count = len(drawn)
     rows = (rng.random(count) < 0.08).nonzero()[0]
     size = len(OF_A_VEHICLE)

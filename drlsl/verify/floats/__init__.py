@@ -1,4 +1,4 @@
-"""What rounding does to a proof: the margin within which it says nothing."""
+"""The effect of rounding on a proof: the margin within which it proves nothing."""
 
 import lazy_loader
 

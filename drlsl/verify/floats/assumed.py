@@ -1,8 +1,8 @@
-"""Conditions without what the conjuncts before them say already, so that equal numbers are equal nodes.
+"""Simplify conditions by the conjuncts before them, so that equal numbers become equal nodes.
 
-Two clauses often compute the same number under conditions that are written unlike. Where the evaluation has
-come past a conjunct, it is true for all that follows; with it put in, more nodes are the same node, and no
-value that is looked at changes.
+Two clauses often compute the same number under conditions that are written differently. Once the evaluation
+has passed a conjunct, it is true for all that follows; with it substituted, more nodes are equal, and no
+evaluated value changes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from drlsl.lowering.ir import QUANTIFIERS, Node, Pool, conjuncts
 
 
 class Simplifier:
-    """Puts what is known into conditions; `settled` says of one that it always holds, or never."""
+    """Substitutes known conditions; `settled` returns whether one always holds, or never."""
 
     def __init__(self, pool: Pool, settled: Callable[[Node], bool | None]) -> None:
         self._pool = pool
@@ -21,7 +21,7 @@ class Simplifier:
         self._done: dict[tuple[Node, frozenset[tuple[Node, bool]]], Node] = {}
 
     def simplified(self, node: Node, known: Mapping[Node, bool]) -> Node:
-        """The node where these conditions are known to hold, or not to."""
+        """Return the node, given the truth of some conditions."""
         if node in known:
             return self._pool.const(known[node])
         if not node.args:
@@ -59,9 +59,9 @@ class Simplifier:
         return pool.rebuild(node, tuple(self.simplified(arg, known) for arg in node.args))
 
     def _choice(self, cond: Node, then: Node, els: Node) -> Node:
-        """A choice between two numbers; one that takes the lesser or the greater is a minimum or maximum.
+        """Return a choice between two numbers; one that takes the lesser or greater becomes min or max.
 
-        To take the wrong one of two numbers that hardly differ does no harm, so no comparison is left.
+        Taking the wrong one of two numbers that hardly differ does no harm, so no comparison is left.
         """
         pool = self._pool
         test = _comparison_of(cond, then, els) if then.kind in ("int", "float") else None
@@ -83,7 +83,7 @@ class Simplifier:
         return self._pool.and_(parts) if node.op == "and" else self._pool.or_(parts)
 
     def _quantifier(self, node: Node, known: Mapping[Node, bool]) -> Node:
-        """A quantifier over the same rows; its values are looked at where its condition holds."""
+        """Return a quantifier over the same rows; its values are evaluated only if its condition holds."""
         pool, loop = self._pool, node.args[0]
         inner: Mapping[Node, bool] = _outside(known, loop)
         cond = self.simplified(node.args[1], inner)
@@ -102,7 +102,7 @@ class Simplifier:
 
 
 def _with(known: Mapping[Node, bool], cond: Node, *, holds: bool) -> Mapping[Node, bool]:
-    """What is known once a condition has turned out so."""
+    """Return the known conditions, extended by one."""
     if cond.is_const:
         return known
     if cond.op == "not":
@@ -119,7 +119,7 @@ def _with(known: Mapping[Node, bool], cond: Node, *, holds: bool) -> Mapping[Nod
 
 
 def _comparison_of(cond: Node, one: Node, other: Node) -> Node | None:
-    """A comparison of these two numbers among those that a condition is made of."""
+    """Return a comparison of these two numbers among the parts of a condition."""
     if cond.op == "lt" and set(cond.args) == {one, other}:
         return cond
     if cond.op in ("not", "and", "or"):
@@ -129,5 +129,5 @@ def _comparison_of(cond: Node, one: Node, other: Node) -> Node | None:
 
 
 def _outside(known: Mapping[Node, bool], loop: Node) -> dict[Node, bool]:
-    """What is known of no row that a loop stands at."""
+    """Return the known conditions that do not depend on a loop's row."""
     return {node: holds for node, holds in known.items() if loop not in node.free}

@@ -1,8 +1,8 @@
-"""Intervals and error bounds of the numbers of a lowered program, and what passed conditions say of them.
+"""Intervals and error bounds of the numbers of a lowered program, and what passed conditions imply.
 
-Forward, the interval and the error of a number follow from those that it is made of. Backward, that a number
-lies in an interval says something of its parts: so a comparison that the evaluation has passed, clear of its
-limit, narrows the numbers that come after it, and a division by what was found to be above 0 has a bound.
+Forward, the interval and the error of a number follow from those of its parts. Backward, the interval of a
+number narrows its parts: so a comparison that the evaluation has passed, clear of its limit, narrows the
+numbers that come after it, and a division by a number found to be above 0 has a bound.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from drlsl.verify.floats.rounding import ANY, Approximation, down, up
 from drlsl.verify.ranges import MOST_LANES_ONE_WAY, Range
 
 _FINE: Final = 16.0
-"""An error so many times smaller than the margin is not made out more exactly."""
+"""An error smaller than the margin by this factor is not computed more exactly."""
 
 STRIDE: Final = 8.0
-"""A number is looked at in pieces, each so many times as far from a limit as the one before."""
+"""Ratio of the distances from a limit of successive pieces of a number's interval."""
 
 _GAIN: Final = 0.1
-"""An end of an interval that moves by a smaller share of itself is left where it is."""
+"""An end of an interval that moves by a smaller share of itself is not moved."""
 
 MOST_PIECES: Final = 100
-"""More pieces than any number of a bounded size has."""
+"""More pieces than the interval of any bounded number has."""
 
 
 # ---------------------------------------------------------------- facts
 
 
 def _fact_columns(ranges: Mapping[str, Range]) -> dict[tuple[str, int], tuple[Approximation, Approximation]]:
-    """By relation and column, what its first row has, and what any other has."""
+    """Return, by relation and column, the bounds of its first row and of any other row."""
 
     def of(name: str) -> Approximation:
         return rounding.between(*ranges[name])
@@ -53,7 +53,7 @@ def _fact_columns(ranges: Mapping[str, Range]) -> dict[tuple[str, int], tuple[Ap
     ego = (ANY, lane, ego_x, ego_y, both_ways("ego_speed"), both_ways("lateral_speed"), *sizes)
     other = (ANY, lane, around(ego_x, radar), around(ego_y, radar), both_ways("speed"), ego[5], *sizes)
     centre = around(of("road_position"), up(MOST_LANES_ONE_WAY * width + of("median").high))
-    # lanes touch, but for the rounding of their centre lines
+    # lanes touch, up to the rounding of their centre lines
     touching = Approximation(centre.low, centre.high, 4 * math.ulp(centre.magnitude))
     strip = (lane, ANY, touching, of("lane_width"), of("speed_limit"))
     result = {("vehicle", place): pair for place, pair in enumerate(zip(ego, other, strict=True))}
@@ -67,7 +67,7 @@ def _fact_columns(ranges: Mapping[str, Range]) -> dict[tuple[str, int], tuple[Ap
 
 
 class Context:
-    """What is known of numbers where the evaluation has come to: intervals, by node."""
+    """The known intervals of numbers at a point of the evaluation, by node."""
 
     __slots__ = ("blind", "passed", "ranges", "values")
 
@@ -79,9 +79,9 @@ class Context:
 
 
 class Values:
-    """Intervals and errors of numbers, and what follows for them from conditions, for one margin.
+    """Intervals and errors of numbers, and their consequences from conditions, for one margin.
 
-    In a `blind` context nothing is taken for granted, not even that comparisons went right.
+    In a `blind` context nothing is assumed, not even that comparisons were decided correctly.
     """
 
     def __init__(self, pool: Pool, ranges: Mapping[str, Range], rows: int, margin: float) -> None:
@@ -96,7 +96,7 @@ class Values:
         self.start = self.context({})
 
     def context(self, ranges: Mapping[Node, tuple[float, float]]) -> Context:
-        """The context with these intervals."""
+        """Return the context with these intervals."""
         key = frozenset(ranges.items())
         known = self._contexts.get(key)
         if known is None:
@@ -106,7 +106,7 @@ class Values:
     # ---------------------------------------------------------------- forward
 
     def of(self, node: Node, context: Context) -> Approximation:
-        """What is known of a number."""
+        """Return the bounds of a number."""
         known = context.values.get(node)
         if known is None:
             inner = self.about(node, context)
@@ -118,13 +118,13 @@ class Values:
         return known
 
     def about(self, node: Node, context: Context) -> Context:
-        """What the context says of a node and its parts: all that its value depends on."""
+        """Return the context restricted to a node and its parts, on which its value depends."""
         mask = self._mask(node)
         said = {part: bounds for part, bounds in context.ranges.items() if mask >> part.order & 1}
         return context if len(said) == len(context.ranges) else self.context(said)
 
     def _mask(self, node: Node) -> int:
-        """The node and all that it is made of, as bits by order of making."""
+        """Return the node and all its parts, as bits by order of creation."""
         known = self._masks.get(node)
         if known is None:
             known = 1 << node.order
@@ -160,7 +160,7 @@ class Values:
         return self._operation(node, [self.of(arg, context) for arg in args], context, bounds)
 
     def _choice(self, node: Node, context: Context, bounds: tuple[float, float]) -> Approximation:
-        """What is known of a choice: of each side where it is taken, and has a value within bounds."""
+        """Return the bounds of a choice: of each side where it is taken and has a value within bounds."""
         found = []
         for arg, side in zip(node.args[1:], self.sides(node.args[0], context), strict=True):
             inner = side and self.narrow(arg, *bounds, side)
@@ -200,9 +200,9 @@ class Values:
         return Approximation(node.low, node.high) if node.kind == "int" else ANY
 
     def _defined(self, node: Node, args: list[Approximation], context: Context) -> list[Approximation]:
-        """The arguments of a function where it has a value: no logarithm of 0, and no power of 0 below 0.
+        """Return a function's arguments where it is defined: no logarithm of 0, no power of 0 below 0.
 
-        Only what may be 0 was compared with it.
+        Only numbers that may be 0 were compared with it.
         """
         one = args[0]
         told = node.data == "log" or (node.data == "pow" and args[1].high < 0.0 and one.low >= 0.0)
@@ -224,7 +224,7 @@ class Values:
         return result
 
     def _apart(self, node: Node) -> float | None:
-        """How far two vehicles can be apart along one axis, where that is what the node says."""
+        """Return the largest distance of two vehicles along one axis, if the node is one."""
         left, right = node.args
         if left.op != "col" or right.op != "col" or left.data != right.data:
             return None
@@ -248,7 +248,7 @@ class Values:
         return self._rows + 1 if relation.name == "vehicle" else relation.capacity
 
     def _extreme(self, node: Node, context: Context) -> Approximation:
-        """A minimum or maximum; one side that is hardly known where it is not taken does no harm."""
+        """Return a minimum or maximum; a side with a large error where it is not taken does no harm."""
         least = node.op == "min"
         combine = rounding.least_of if least else rounding.greatest_of
         args = [self.of(arg, context) for arg in node.args]
@@ -263,7 +263,7 @@ class Values:
         return result
 
     def _where_taken(self, wild: Node, tame: Approximation, context: Context, *, least: bool) -> float | None:
-        """The error of one side where it may be the extreme, if beyond that doubles see that it is not."""
+        """Return the error of a side where it may be the extreme, unless doubles see that it is not."""
         edge, sign = (tame.high, 1.0) if least else (tame.low, -1.0)
         end = sign * (self.of(wild, context).high if least else self.of(wild, context).low)
         if not math.isfinite(end) or not math.isfinite(edge):
@@ -286,27 +286,27 @@ class Values:
         return self.narrow(node, min(low, high), max(low, high), context)
 
     def clear(self, number: Approximation) -> float:
-        """How far from 0 a number is that a comparison has told from it."""
+        """Return the least distance from 0 of a number that was compared with 0."""
         return 0.0 if number.is_exact else self.margin
 
     def may_vanish(self, divisor: Node, context: Context) -> bool:
-        """Whether a divisor counts as compared with 0: not one that is sure to be further from it."""
+        """Return whether a divisor counts as compared with 0: unless it is surely further away."""
         number = self.of(divisor, context)
         return is_checked_divisor(divisor) and not number.least > up(SMALLEST_DIVISOR + number.error)
 
     def _nearest(self, divisor: Node, context: Context) -> float:
-        """How near to 0 a divisor comes: clear of it, where it counts as compared with it."""
+        """Return the least distance of a divisor from 0: the margin, if it counts as compared with 0."""
         least = self.of(divisor, context).least
         return max(least, self.margin) if not context.blind and self.may_vanish(divisor, context) else least
 
     # ---------------------------------------------------------------- conditions
 
     def sides(self, cond: Node, context: Context) -> tuple[Context | None, Context | None]:
-        """Where a condition holds, and where it does not."""
+        """Return the contexts where a condition holds, and where it does not."""
         return self.passed(cond, True, context), self.passed(cond, False, context)
 
     def passed(self, cond: Node, holds: bool, context: Context) -> Context | None:
-        """What is known once a condition has turned out so; None: it never does, clear of its limits."""
+        """Return the context after a condition had an outcome; None: it never has, clear of its limits."""
         if context.blind:
             return context
         if (cond, holds) not in context.passed:
@@ -340,7 +340,7 @@ class Values:
         return context
 
     def _ordered(self, low: Node, high: Node, context: Context, *, strict: bool) -> Context | None:
-        """Where one number is below another, by the margin unless both are exact."""
+        """Return the context where one number is below another, by the margin unless both are exact."""
         below, above = self.of(low, context), self.of(high, context)
         exact = below.is_exact and above.is_exact
         room = 0.0 if exact else self.margin
@@ -358,7 +358,7 @@ class Values:
         return self.pool.make("sub", one.kind, (one, other))
 
     def near(self, left: Node, right: Node, bounds: tuple[float, float], context: Context) -> Context | None:
-        """Where the difference of two numbers lies within bounds."""
+        """Return the context where the difference of two numbers is within bounds."""
         low, high = bounds
         other = self.of(right, context)
         inner = self.narrow(left, down(other.low + low), up(other.high + high), context)
@@ -372,7 +372,7 @@ class Values:
         return inner and self.narrow(self._difference(right, left), -high, -low, inner)
 
     def inside(self, node: Node, context: Context) -> Context | None:
-        """What is known of a row that a quantifier counts; None: it counts none."""
+        """Return the context for a row that a quantifier counts; None: it counts none."""
         loop, cond = node.args[:2]
         inner = self.entered(loop, context)
         inner = inner and self.passed(cond, True, inner)
@@ -383,7 +383,7 @@ class Values:
         return inner
 
     def entered(self, loop: Node, context: Context) -> Context | None:
-        """The context in a loop: of rows that meet its conditions, with nothing known from another loop."""
+        """Return the context in a loop: rows meet its conditions, and nothing is known from other loops."""
         if context.blind:
             return context
         kept = {node: bounds for node, bounds in context.ranges.items() if loop not in node.free}
@@ -397,7 +397,7 @@ class Values:
     # ---------------------------------------------------------------- backward
 
     def narrow(self, node: Node, low: float, high: float, context: Context) -> Context | None:
-        """The context in which a number lies in an interval; None: it never does."""
+        """Return the context in which a number is in an interval; None: it never is."""
         if context.blind:
             return context
         found = dict(context.ranges)
@@ -410,7 +410,7 @@ class Values:
     def _narrow(
         self, node: Node, low: float, high: float, context: Context, found: dict[Node, tuple[float, float]]
     ) -> bool:
-        """Put into `found` what follows for a number and its parts; False: it never lies there."""
+        """Put the consequences for a number and its parts into `found`; False: it is never there."""
         known = self.of(node, context)
         least, most = found.get(node, (-math.inf, math.inf))
         least, most = max(least, known.low), min(most, known.high)
@@ -434,7 +434,7 @@ class Values:
     def _arguments(
         self, node: Node, low: float, high: float, context: Context
     ) -> Iterator[tuple[Node, tuple[float, float]]]:
-        """What the value of a number says of those that it is made of."""
+        """Yield the intervals of the parts of a number that follow from its value."""
         args = node.args
         values = [self.of(arg, context) for arg in args] if node.op in _INVERTED else []
         match node.op:
@@ -473,7 +473,7 @@ class Values:
     def _of_choice(
         self, node: Node, low: float, high: float, context: Context
     ) -> Iterator[tuple[Node, tuple[float, float]]]:
-        """Where only one side of a choice can be so, it is."""
+        """Yield the intervals that follow if only one side of a choice is possible."""
         possible = []
         for arg, inner in zip(node.args[1:], self.sides(node.args[0], context), strict=True):
             value = None if inner is None else self.of(arg, inner)
@@ -489,7 +489,7 @@ _INVERTED: Final = frozenset({"add", "sub", "mul", "div", "abs", "min", "max"})
 def _of_extreme(
     node: Node, values: list[Approximation], low: float, high: float
 ) -> Iterator[tuple[Node, tuple[float, float]]]:
-    """Neither side of a minimum is below it; the one that can be it is."""
+    """Yield bounds on the sides of a minimum, and the value of the only side that can be it."""
     for one, other in ((0, 1), (1, 0)):
         if node.op == "min":
             yield node.args[one], (low, high if values[other].low > high else math.inf)
@@ -498,7 +498,7 @@ def _of_extreme(
 
 
 def _is_other(index: Node) -> bool:
-    """Whether an index is surely a row after the first."""
+    """Return whether an index is surely a row after the first."""
     while index.op == "loop" or index.op in ("first", "argmin", "argmax"):
         index = index.args[0]
         while index.op == "where":

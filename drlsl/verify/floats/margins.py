@@ -1,10 +1,10 @@
-"""How clear of their limits comparisons must be for the doubles that run to decide as a proof says.
+"""The margin by which comparisons must clear their limits for doubles to decide as a proof says.
 
-A proof speaks of real numbers. `margin_of` walks the lowered property as it is evaluated, from left to right,
+A proof is about real numbers. `margin_of` walks the lowered property as it is evaluated, from left to right,
 with an interval and an error bound for every number (`rounding.py`), and finds the least margin M such that
-in every scene where each comparison that the evaluation comes to is clear of its limit by M, each goes the
-same way in doubles. A comparison that was passed narrows what comes after it; one that doubles decide by
-their order alone, such as min(X, Y) > X, is always right.
+in every scene where each evaluated comparison clears its limit by M, each has the same outcome in doubles. A
+passed comparison narrows the numbers after it; one that doubles decide by their order alone, such as
+min(X, Y) > X, is always right.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from drlsl.verify.floats.rounding import up
 from drlsl.verify.ranges import Range
 
 USUAL_MARGIN: Final = 1e-9
-"""In the unit of the comparison, m or m/s or others: a proof with no larger margin needs no further word."""
+"""The usual margin, in the unit of the comparison; a proof with a larger one needs a reason."""
 
 GREATEST_MARGIN: Final = 1e-3
-"""A proof with a larger margin is one in real arithmetic only."""
+"""Largest margin; a proof that needs a larger one holds in real arithmetic only."""
 
 _MARGINS: Final = (
     USUAL_MARGIN,
@@ -38,13 +38,13 @@ _MARGINS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Floats:
-    """What a proof in real numbers says of doubles.
+    """The consequences of a proof in real numbers for doubles.
 
-    `margin`: they decide alike wherever no comparison lies within it of its limit; None: no such margin is
-    known, and the proof is one in real arithmetic only. `error` is the largest bound on the rounding error
-    of a comparison that is clear of its limit by the margin. `comparison` is the one that has it; of a margin
-    above the usual, the one that calls for so much; of none, the one that stands in the way: what `overflows`
-    is a division by what is too near to 0. `divisors`: some count as compared with 0.
+    `margin`: doubles decide alike unless a comparison is within it of its limit; None: no such margin is
+    known, and the proof holds in real arithmetic only. `error` is the largest bound on the rounding error of
+    a comparison that clears its limit by the margin, `comparison` is the one with that error; for a margin
+    above the usual, it is the one that needs it, without a margin, the one that prevents it. `overflows`:
+    that one is a division by a number too close to 0. `divisors`: some divisors count as compared with 0.
     """
 
     margin: float | None
@@ -55,18 +55,18 @@ class Floats:
 
     @property
     def because(self) -> str | None:
-        """Why the proof says less of doubles than usual, or nothing; None where it says no less."""
+        """The reason why the proof implies less for doubles than usual, or nothing; None if it does not."""
         if self.overflows:
             return f"{self.comparison} may overflow: no margin keeps its divisor far enough from 0"
         if self.margin is None:
             off = f"by {self.error:.2g}" if math.isfinite(self.error) else "by any amount"
             return f"{self.comparison} may be off {off}"
         if self.margin > USUAL_MARGIN:
-            return f"nearer to a limit, {self.comparison} may be off by more than that"
+            return f"closer to a limit, {self.comparison} may be off by more than that"
         return None
 
     def as_json(self) -> dict[str, Any]:
-        """As `--json` prints it."""
+        """Return the fields as `--json` prints them."""
         return {
             "margin": self.margin,
             "error": self.error if math.isfinite(self.error) else None,
@@ -77,7 +77,7 @@ class Floats:
 
 
 class _Walk:
-    """Looks at every comparison that the evaluation comes to, for one margin."""
+    """Examines every evaluated comparison, for one margin."""
 
     def __init__(self, values: Values) -> None:
         self._values = values
@@ -89,7 +89,7 @@ class _Walk:
 
     @property
     def overflows(self) -> bool:
-        """Whether what stands in the way is a division by what is too near to 0."""
+        """True if a division by a number too close to 0 prevents a margin."""
         return self.failed is not None and self.failed[1] in self._overflows
 
     def visit(self, node: Node, context: Context) -> None:
@@ -172,7 +172,7 @@ class _Walk:
         self._difference(node, divisor, values.pool.const(0.0), context, SMALLEST_DIVISOR)
 
     def _difference(self, node: Node, left: Node, right: Node, context: Context, more: float = 0.0) -> None:
-        """Judge a comparison by how far off the difference of its sides may be, by how large it is."""
+        """Judge a comparison by the error of the difference of its sides, piece by piece of its size."""
         values = self._values
         one, other = values.of(left, context), values.of(right, context)
         error = one.error + other.error + more
@@ -196,7 +196,7 @@ class _Walk:
         self._judge(node, min(worst, values.margin))
 
     def _off(self, left: Node, right: Node, bounds: tuple[float, float], context: Context) -> float:
-        """The error of a difference where it lies within bounds."""
+        """Return the error of a difference within bounds."""
         inner = self._values.near(left, right, bounds, context)
         if inner is None:
             return 0.0
@@ -211,7 +211,7 @@ class _Walk:
 
 
 def margin_of(answer: Answer, pool: Pool, ranges: Mapping[str, Range], vehicles: int) -> Floats:
-    """The least margin of a property proved in real numbers, with so many vehicles besides the ego."""
+    """Return the margin of a property proved in real numbers, with `vehicles` vehicles besides the ego."""
 
     simplifier = Simplifier(pool, Order(Values(pool, ranges, vehicles, USUAL_MARGIN)).settled)
     roots = [simplifier.simplified(root, {}) for root in (answer.undecided, answer.found)]
@@ -243,7 +243,7 @@ def margin_of(answer: Answer, pool: Pool, ranges: Mapping[str, Range], vehicles:
 
 
 def _written(pool: Pool, node: Node | None) -> str | None:
-    """A comparison as it is written: file, line and text."""
+    """Return a comparison as written: file, line and text."""
     if node is None:
         return None
     source = pool.sources.get(node)
@@ -262,7 +262,7 @@ def _text(pool: Pool, term: Any) -> str:
 
 
 def _readable(pool: Pool, term: Any) -> Any:
-    """A term with the names of its variables, and of values that stand in it, as atoms."""
+    """Return a term with the names of its variables, and of the values in it, as atoms."""
     if isinstance(term, Struct):
         return Struct(term.name, tuple(_readable(pool, arg) for arg in term.args))
     if isinstance(term, Var):

@@ -1,4 +1,4 @@
-"""What doubles decide by their order alone: rounding to nearest never turns two numbers round."""
+"""Comparisons that doubles decide by order alone: rounding to nearest never reverses two numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from drlsl.verify.floats.rounding import down, up
 
 
 class Order:
-    """Which comparisons come out the same in reals and doubles whatever was rounded before."""
+    """The comparisons with the same outcome in reals and doubles, whatever was rounded before."""
 
     def __init__(self, values: Values) -> None:
         self._values = values
@@ -16,7 +16,7 @@ class Order:
         self._settled: dict[Node, bool | None] = {}
 
     def settled(self, node: Node) -> bool | None:
-        """The truth of a condition, in doubles too, if it is always the same."""
+        """Return the truth of a condition, in doubles, too, if it is always the same."""
         if node not in self._settled:
             self._settled[node] = self._truth(node)
         return self._settled[node]
@@ -50,12 +50,12 @@ class Order:
         return None
 
     def _ends(self, node: Node) -> tuple[float, float]:
-        """Where a double lies, whatever comparisons decided on the way."""
+        """Return bounds of a double, whatever comparisons were decided on the way."""
         known = self._values.of(node, self._values.blind)
         return down(known.low - known.error), up(known.high + known.error)
 
     def at_most(self, one: Node, other: Node) -> bool:
-        """Whether the double of one node is never above that of another: rounding keeps order."""
+        """Return whether the double of one node is never above that of another: rounding keeps order."""
         if one is other:
             return True
         if (one, other) not in self._known:
@@ -77,7 +77,7 @@ class Order:
         return one.op == other.op and self._termwise(one, other)
 
     def _termwise(self, one: Node, other: Node) -> bool:
-        """The same operation, and each argument on the right side of the other's."""
+        """Return whether both are the same operation with arguments in the right order."""
         left, right = one.args, other.args
         match one.op:
             case "add":
@@ -101,6 +101,6 @@ class Order:
         return False
 
     def _scaled(self, factor: Node, one: Node, other: Node) -> bool:
-        """Whether a common factor that has a sign keeps two numbers in order."""
+        """Return whether a common factor that has a sign keeps two numbers in order."""
         low, high = self._ends(factor)
         return (low >= 0.0 and self.at_most(one, other)) or (high <= 0.0 and self.at_most(other, one))

@@ -1,8 +1,8 @@
-"""How far the doubles that run may be from the real numbers that a proof speaks of, operation by operation.
+"""The distance of doubles from the real numbers of a proof, operation by operation.
 
-An `Approximation` bounds a real value and the error of the double that stands for it. Every operation adds
-half a unit in the last place of its own result to what its operands bring along: IEEE 754 binary64, rounded
-to nearest, no operations fused. All bounds here are themselves rounded outward.
+An `Approximation` bounds a real value and the error of its double. Every operation adds half a unit in the
+last place of its own result to the errors of its operands: IEEE 754 binary64, rounded to nearest, no
+operations fused. All bounds here are themselves rounded outward.
 
 Source: Higham, Accuracy and Stability of Numerical Algorithms (2002), 2 and 3; IEEE 754-2019, 4.3.
 """
@@ -17,25 +17,25 @@ from fractions import Fraction
 from typing import Final
 
 _OUTWARD: Final = 1 + 2.0**-48
-"""An error bound is computed in fewer operations than would lose so much of it."""
+"""Share of an error bound that its own computation may lose at most."""
 
 _TINY: Final = math.ulp(0.0)
-"""The least double above 0: what underflow can lose."""
+"""The least double above 0: the most that underflow can lose."""
 
 _FUNCTION_ULPS: Final = 4
-"""In units in the last place, more than the C library's functions are off by.
+"""Bound on the error of the C library's functions, in units in the last place.
 
 Source: Gladman et al., Accuracy of Mathematical Functions in Single, Double, ... Precision (2024): below 1
 for those of glibc, below 3 for those of other libraries in use.
 """
 
 _LARGEST: Final = 1e300
-"""Beyond it a double may overflow, and no error is bounded."""
+"""Magnitude beyond which a double may overflow, and no error is bounded."""
 
 
 @dataclass(frozen=True, slots=True)
 class Approximation:
-    """A real number from `low` to `high`, and a double for it that is off by at most `error`.
+    """A real number from `low` to `high`, and a double for it with an error of at most `error`.
 
     `unit`: the double is exactly -1, 0 or 1, and a product with it does not round.
     """
@@ -57,11 +57,11 @@ class Approximation:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the double is the number."""
+        """True if the double is the number."""
         return self.error == 0.0
 
     def within(self, low: float, high: float) -> Approximation:
-        """The same where it is also known to lie in another interval that meets this one."""
+        """Return the same number, known to be also in another interval that meets this one."""
         if low <= self.low and high >= self.high:
             return self
         return Approximation(max(low, self.low), min(high, self.high), self.error, self.unit)
@@ -72,36 +72,36 @@ ANY: Final = Approximation(-math.inf, math.inf, math.inf)
 
 
 def down(value: float) -> float:
-    """The double below: no more than the exact result that was rounded to `value`."""
+    """Return the double below: at most the exact result that was rounded to `value`."""
     return math.nextafter(value, -math.inf)
 
 
 def up(value: float) -> float:
-    """The double above."""
+    """Return the double above."""
     return math.nextafter(value, math.inf)
 
 
 def wider(error: float) -> float:
-    """An error bound with what its own computation may have lost."""
+    """Return an error bound, enlarged by the error of its own computation."""
     return error * _OUTWARD + _TINY if error else 0.0
 
 
 def outward(number: Fraction) -> tuple[float, float]:
-    """Doubles that enclose a rational number: itself twice where it is one."""
+    """Return doubles that enclose a rational number: twice the number if it is a double."""
     near = float(number)
     exact = Fraction(near)
     return (near if exact <= number else down(near), near if exact >= number else up(near))
 
 
 def between(low: Fraction, high: Fraction) -> Approximation:
-    """A fact: a double in this range, exact, or the one nearest to an end, which stands for that end."""
+    """Return the approximation of a fact: an exact double in this range, or the one nearest to an end."""
     off = max(abs(Fraction(float(end)) - end) for end in (low, high))
     return Approximation(outward(low)[0], outward(high)[1], outward(off)[1])
 
 
 @functools.cache
 def constant(value: float) -> Approximation:
-    """A double that stands for the decimal fraction that it prints as, which is what a proof takes it for."""
+    """Return the approximation of a double that stands for the decimal fraction that it prints as."""
     decimal = Fraction(repr(value)) if isinstance(value, float) else Fraction(value)
     try:
         double = float(value)
@@ -112,12 +112,12 @@ def constant(value: float) -> Approximation:
 
 
 def half_ulp(magnitude: float) -> float:
-    """What rounding to nearest may change a result of at most this magnitude by."""
+    """Return the largest change of a result of at most this magnitude by rounding to nearest."""
     return math.ulp(magnitude) / 2 if magnitude <= _LARGEST else math.inf
 
 
 def _rounded(low: float, high: float, error: float, *, underflows: bool = False) -> Approximation:
-    """A result in an interval whose operands bring along an error, and which is rounded."""
+    """Return a rounded result in an interval, with the error of its operands."""
     magnitude = max(abs(low), abs(high)) + error
     if not magnitude <= _LARGEST:
         return Approximation(low, high, math.inf)
@@ -128,17 +128,17 @@ def _rounded(low: float, high: float, error: float, *, underflows: bool = False)
 
 
 def negate(one: Approximation) -> Approximation:
-    """-x."""
+    """Return -x."""
     return Approximation(-one.high, -one.low, one.error, one.unit)
 
 
 def absolute(one: Approximation) -> Approximation:
-    """The absolute value."""
+    """Return the absolute value."""
     return Approximation(one.least, one.magnitude, one.error, one.unit)
 
 
 def either(one: Approximation, other: Approximation) -> Approximation:
-    """One of two numbers, the same one in reals and in doubles."""
+    """Return one of two numbers, the same one in reals and in doubles."""
     return Approximation(
         min(one.low, other.low),
         max(one.high, other.high),
@@ -148,13 +148,13 @@ def either(one: Approximation, other: Approximation) -> Approximation:
 
 
 def least_of(one: Approximation, other: Approximation) -> Approximation:
-    """The minimum: off by no more than the worse of the two, whichever is taken."""
+    """Return the minimum: its error is at most the larger one of the two."""
     joint = either(one, other)
     return Approximation(joint.low, min(one.high, other.high), joint.error, joint.unit)
 
 
 def greatest_of(one: Approximation, other: Approximation) -> Approximation:
-    """The maximum."""
+    """Return the maximum."""
     return negate(least_of(negate(one), negate(other)))
 
 
@@ -162,7 +162,7 @@ def greatest_of(one: Approximation, other: Approximation) -> Approximation:
 
 
 def add(one: Approximation, other: Approximation) -> Approximation:
-    """The sum."""
+    """Return the sum."""
     low, high = one.low + other.low, one.high + other.high
     if math.isnan(low) or math.isnan(high):
         return ANY
@@ -170,12 +170,12 @@ def add(one: Approximation, other: Approximation) -> Approximation:
 
 
 def multiply(one: Approximation, other: Approximation, *, square: bool = False) -> Approximation:
-    """The product; `square` says that both are the same number."""
+    """Return the product; `square` says that both are the same number."""
     low, high = product(one.low, one.high, other.low, other.high)
     if square:
         low = max(low, 0.0)
     if math.isinf(one.error) or math.isinf(other.error):
-        return Approximation(low, high, math.inf)  # a double may be infinite, and 0 times that is no number
+        return Approximation(low, high, math.inf)  # a double may be infinite, and 0 times that is NaN
     error = _times(one.magnitude, other.error) + _times(other.magnitude, one.error)
     error += _times(one.error, other.error)
     if one.unit or other.unit:
@@ -186,7 +186,7 @@ def multiply(one: Approximation, other: Approximation, *, square: bool = False) 
 def divide(
     one: Approximation, other: Approximation, bounds: tuple[float, float], nearest: float = 0.0
 ) -> Approximation:
-    """The quotient, which is known to lie within bounds; the divisor is no nearer to 0 than `nearest`."""
+    """Return the quotient, known to be within bounds; the divisor is at least `nearest` away from 0."""
     low, high = bounds
     smallest = down(max(nearest, other.least) - other.error)
     if not smallest > 0.0:
@@ -198,7 +198,7 @@ def divide(
 
 
 def square_root(one: Approximation, bounds: tuple[float, float]) -> Approximation:
-    """The square root, which is known to lie within bounds; the double it is taken of is not negative."""
+    """Return the square root, known to be within bounds; its argument as a double is not negative."""
     low, high = bounds
     error = math.sqrt(one.error)
     steady = low + math.sqrt(max(0.0, down(one.low - one.error)))
@@ -208,20 +208,20 @@ def square_root(one: Approximation, bounds: tuple[float, float]) -> Approximatio
 
 
 def root_range(one: Approximation) -> tuple[float, float]:
-    """Where the square root lies."""
+    """Return the interval of the square root."""
     low = max(0.0, down(math.sqrt(max(0.0, one.low))))
     return low, up(math.sqrt(max(0.0, one.high)))
 
 
 def to_float(one: Approximation) -> Approximation:
-    """An integer as a double."""
+    """Return an integer as a double."""
     if one.magnitude <= 2.0**53:
         return one
     return _rounded(one.low, one.high, one.error)
 
 
 def total(start: Approximation, addend: Approximation, most: int, *, whole: bool) -> Approximation:
-    """`start` and then at most so many numbers, added one after another; `whole` ones without rounding."""
+    """Return `start` plus at most `most` numbers, added one after another; `whole` ones without rounding."""
     low = start.low + most * min(0.0, addend.low)
     high = start.high + most * max(0.0, addend.high)
     if not max(abs(low), abs(high)) <= _LARGEST:
@@ -235,7 +235,7 @@ def total(start: Approximation, addend: Approximation, most: int, *, whole: bool
 
 
 def product(low: float, high: float, other_low: float, other_high: float) -> tuple[float, float]:
-    """The interval of a product."""
+    """Return the interval of a product."""
     corners = [_times(a, b) for a in (low, high) for b in (other_low, other_high)]
     least, most = min(corners), max(corners)
     exact = all(abs(a) in (0.0, 1.0) for a in (low, high)) or all(
@@ -245,7 +245,7 @@ def product(low: float, high: float, other_low: float, other_high: float) -> tup
 
 
 def quotient(low: float, high: float, other_low: float, other_high: float) -> tuple[float, float]:
-    """The interval of a quotient by numbers that are not 0, but may come as near as one likes."""
+    """Return the interval of a quotient by numbers that are not 0, but may be arbitrarily close."""
     if other_low < 0.0 < other_high or (other_low == 0.0 == other_high):
         return (-math.inf, math.inf)
     if other_high <= 0.0:
@@ -261,7 +261,7 @@ def quotient(low: float, high: float, other_low: float, other_high: float) -> tu
 
 
 def _times(one: float, other: float) -> float:
-    """The product, 0 where a factor is, even if the other is infinite."""
+    """Return the product, 0 if a factor is 0, even if the other is infinite."""
     return one * other if one and other else 0.0
 
 
@@ -270,7 +270,7 @@ def _times(one: float, other: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Smooth:
-    """A function: the real interval of its values, and by how much they change over `error` at most."""
+    """A function: the interval of its values, and their largest change over `error`."""
 
     values: Callable[[float, float], tuple[float, float]]
     change: Callable[[float, float, float], float]
@@ -285,7 +285,7 @@ def _falling(function: Callable[[float], float]) -> Callable[[float, float], tup
 
 
 def _steepest(slope: Callable[[float], float]) -> Callable[[float, float, float], float]:
-    """The change of a function whose slope is greatest at an end of the interval."""
+    """Return the change of a function whose slope is greatest at an end of the interval."""
     return lambda low, high, error: error * max(abs(slope(low - error)), abs(slope(high + error)))
 
 
@@ -294,7 +294,7 @@ def _at_most_one(_low: float, _high: float, error: float) -> float:
 
 
 def _arc(_low: float, _high: float, error: float) -> float:
-    """That of asin and acos, which are steepest at 1: acos(1 - e) <= pi sqrt(e / 2)."""
+    """Return the change of asin and acos, which are steepest at 1: acos(1 - e) <= pi sqrt(e / 2)."""
     return math.pi * math.sqrt(error / 2)
 
 
@@ -310,7 +310,7 @@ def _cosh_values(low: float, high: float) -> tuple[float, float]:
 
 
 def _clamped(function: Callable[[float], float]) -> Callable[[float], float]:
-    """A function of -1 to 1, of what lies beyond by rounding too."""
+    """Return a function of -1 to 1, also defined just beyond for arguments with rounding errors."""
     return lambda value: function(min(1.0, max(-1.0, value)))
 
 
@@ -337,7 +337,7 @@ _FUNCTIONS: Final[dict[str, _Smooth]] = {
 
 
 def apply(name: str, *args: Approximation) -> Approximation:
-    """A function of the C library; nothing is known where it may have no value or a pole is near."""
+    """Return a function of the C library; unbounded if it may be undefined or a pole is near."""
     try:
         if name == "pow":
             low, high, change = _power(*args)
@@ -354,12 +354,12 @@ def apply(name: str, *args: Approximation) -> Approximation:
     magnitude = max(abs(low), abs(high)) + change
     if not magnitude <= _LARGEST:
         return Approximation(low, high, math.inf)
-    # the slope is computed with the same functions: a little more than it makes up for that
+    # the slope is computed with the same functions: a small factor covers their error
     return Approximation(low, high, wider(change * (1 + 1e-12) + _FUNCTION_ULPS * math.ulp(magnitude)))
 
 
 def _power(base: Approximation, exponent: Approximation) -> tuple[float, float, float]:
-    """The interval of a power, and by how much the errors of base and exponent change it."""
+    """Return the interval of a power, and its change by the errors of base and exponent."""
     if exponent.is_exact and exponent.low == exponent.high == int(exponent.low) and exponent.low >= 0:
         return _whole_power(base, int(exponent.low))
     if exponent.is_exact and exponent.low == exponent.high > 0.0:
@@ -377,12 +377,12 @@ def _power(base: Approximation, exponent: Approximation) -> tuple[float, float, 
 
 
 def _positive_power(base: Approximation, power: float) -> tuple[float, float, float]:
-    """The same of a base that is not negative, for an exponent above 0 that is exact."""
+    """Return the same for a base that is not negative and an exact exponent above 0."""
     low, high = max(0.0, base.low), max(0.0, base.high)
     reach = high + base.error
     if power >= 1.0:
         return low**power, high**power, power * reach ** (power - 1) * base.error
-    change = base.error**power  # the most that it is over a stretch of this length, next to 0
+    change = base.error**power  # its largest value over an interval of this length, next to 0
     steady = low - base.error
     if steady > 0.0:
         change = min(change, power * steady ** (power - 1) * base.error)

@@ -52,29 +52,29 @@ class Booleans:
         return known
 
     def const(self, value: bool) -> Bool:
-        """True or false."""
+        """Return true or false."""
         return self.true if value else self.false
 
     def flag(self, name: str) -> Bool:
-        """A free truth value."""
+        """Return a free truth value."""
         return self._make("flag", (), name)
 
     def comparison(self, op: Op, polynomial: Any) -> Bool:
-        """A polynomial, normalised by its maker, is `above`, `atleast` or `zero`."""
+        """Return the comparison of a polynomial, normalised by its maker: `above`, `atleast` or `zero`."""
         return self._make(op, (), polynomial)
 
     def not_(self, one: Bool) -> Bool:
-        """Negation."""
+        """Return the negation."""
         if one is self.true or one is self.false:
             return self.const(one is self.false)
         return one.args[0] if one.op == "not" else self._make("not", (one,))
 
     def and_(self, parts: Iterable[Bool]) -> Bool:
-        """Conjunction."""
+        """Return the conjunction."""
         return self._junction("and", parts, self.true, self.false)
 
     def or_(self, parts: Iterable[Bool]) -> Bool:
-        """Disjunction."""
+        """Return the disjunction."""
         return self._junction("or", parts, self.false, self.true)
 
     def _junction(self, op: Op, parts: Iterable[Bool], neutral: Bool, dominant: Bool) -> Bool:
@@ -93,11 +93,11 @@ class Booleans:
         return self._make(op, tuple(kept[number] for number in sorted(kept)))
 
     def implies(self, condition: Bool, then: Bool) -> Bool:
-        """`then` holds wherever the condition does."""
+        """Return the implication."""
         return self.or_((self.not_(condition), then))
 
     def choose(self, condition: Bool, then: Bool, els: Bool) -> Bool:
-        """`then` where the condition holds, else `els`."""
+        """Return `then` if the condition holds, else `els`."""
         if condition is self.true or then is els:
             return then
         if condition is self.false:
@@ -106,7 +106,7 @@ class Booleans:
 
 
 def leaves(roots: Iterable[Bool]) -> dict[Bool, None]:
-    """The flags and comparisons that formulas are made of."""
+    """Return the flags and comparisons of formulas."""
     found: dict[Bool, None] = {}
     seen: set[int] = set()
     stack = list(roots)

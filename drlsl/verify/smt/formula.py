@@ -1,6 +1,6 @@
-"""The back end for a solver: the answers of a lowered program over scenes that are not known.
+"""The back end for a solver: the answers of a lowered program over unknown scenes.
 
-Every relation has a fixed number of rows, each with a condition under which it is there, so a quantifier over
+Every relation has a fixed number of rows, each with a condition under which it exists, so a quantifier over
 rows is a finite conjunction or disjunction. Numbers are real: no operation rounds.
 """
 
@@ -21,10 +21,10 @@ from drlsl.verify.smt.values import Algebra, Value
 
 Constant: TypeAlias = Atom | int
 Finite: TypeAlias = dict[Constant, Bool]
-"""An atom or integer that is one of a few: each with the condition that it is that one."""
+"""The possible values of an atom or integer, each with its condition."""
 
 Indices: TypeAlias = tuple[tuple[Bool, int], ...]
-"""Row numbers, each with a condition; at most one of the conditions holds, or the last row stands in."""
+"""Row numbers, each with a condition; at most one condition holds, and without one the last row counts."""
 
 
 _LARGEST_FLOAT: Final = Fraction(sys.float_info.max)
@@ -36,7 +36,7 @@ class NotTranslatable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row of a relation: the condition that it is there, and its columns."""
+    """One row of a relation: the condition that it exists, and its columns."""
 
     present: Bool
     columns: tuple[Value | Finite, ...]
@@ -56,7 +56,7 @@ class Formula:
     # ---------------------------------------------------------------- memory
 
     def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
-        """`make(node)`, computed once for each choice of the rows that the node's loops stand at."""
+        """Return `make(node)`, computed once for each choice of the rows of the node's loops."""
         free = self._free.get(node)
         if free is None:
             free = self._free[node] = tuple(sorted(node.free, key=lambda loop: loop.order))
@@ -71,7 +71,7 @@ class Formula:
     # ---------------------------------------------------------------- truth
 
     def truth(self, node: Node) -> Bool:
-        """A node of kind bool."""
+        """Return the formula of a node of kind bool."""
         result: Bool = self._once("truth", node, self._truth)
         return result
 
@@ -95,7 +95,7 @@ class Formula:
         raise NotTranslatable(f"a formula has no {node.op}")
 
     def _junction(self, node: Node) -> Bool:
-        """Conjunction or disjunction; what comes behind the part that decides it is not looked at."""
+        """Return a conjunction or disjunction; parts behind the deciding one are skipped."""
         dominant = self.booleans.const(node.op == "or")
         parts = []
         for arg in node.args:
@@ -106,11 +106,11 @@ class Formula:
         return self.booleans.and_(parts) if node.op == "and" else self.booleans.or_(parts)
 
     def _within(self, node: Node) -> Bool:
-        """The value lies in a band around 0.
+        """Return the condition that the value is in a band around 0.
 
-        A band narrower than any difference of lengths is what a division by 0 is told by: there are no
-        numbers that small but 0. The widest tells whether there is a number at all that a float can hold;
-        narrower ones only of what generated code can hold, which is no error.
+        A band narrower than any difference of lengths detects a division by 0: no other number is that small.
+        The widest detects numbers beyond every float; others are limits of generated code only, which are no
+        errors.
         """
         (number,) = node.args
         if node.data < 1.0:
@@ -125,7 +125,7 @@ class Formula:
         return self._between(-_LARGEST_FLOAT, self.value(number), _LARGEST_FLOAT)
 
     def _exponent(self, function: Node) -> Fraction | None:
-        """The exponent of a power where it is a constant."""
+        """Return the exponent of a power if it is constant."""
         if function.data != "pow":
             return None
         exponent = self.value(function.args[1])
@@ -133,7 +133,7 @@ class Formula:
         return None if constant is None else Fraction(constant)
 
     def _between(self, low: Rational | None, value: Value, high: Rational | None) -> Bool:
-        """A value lies within bounds."""
+        """Return the condition that a value is within bounds."""
         algebra = self.algebra
         return self.booleans.and_(
             algebra.at_least(*pair)
@@ -157,7 +157,7 @@ class Formula:
         return self.algebra.equal(self.value(left), self.value(right))
 
     def _same_row(self, left: Node, right: Node) -> Bool:
-        """Two indices stand for one row: no two rows of a relation have the same key."""
+        """Return the condition that two indices are one row: no two rows of a relation have the same key."""
         return self.booleans.or_(
             self.booleans.and_((cond, beside))
             for cond, place in self.index(left)
@@ -166,7 +166,7 @@ class Formula:
         )
 
     def _is_finite(self, node: Node) -> bool:
-        """Whether a number is a column of integers, or a choice of such."""
+        """Return whether a number is a column of integers, or a choice of such."""
         if node.op == "select":
             return any(map(self._is_finite, node.args[1:]))
         return node.op == "col" and node.kind == "int"
@@ -174,7 +174,7 @@ class Formula:
     # ---------------------------------------------------------------- atoms and small integers
 
     def finite(self, node: Node) -> Finite:
-        """An atom or an integer as one of a few constants."""
+        """Return the possible constants of an atom or integer node."""
         result: Finite = self._once("finite", node, self._finite)
         return result
 
@@ -202,7 +202,7 @@ class Formula:
         return {constant: cond for constant, cond in joined.items() if cond is not self.booleans.false}
 
     def _columns(self, node: Node) -> list[tuple[Bool, Value | Finite]]:
-        """What a column node may stand for, with the conditions."""
+        """Return the possible values of a column node, with their conditions."""
         relation, column = node.data
         rows = self._relation(relation)
         return [(cond, rows[place].columns[column]) for cond, place in self.index(node.args[0])]
@@ -210,7 +210,7 @@ class Formula:
     # ---------------------------------------------------------------- rows
 
     def index(self, node: Node) -> Indices:
-        """The rows that an index node may stand for."""
+        """Return the possible rows of an index node."""
         if node.op == "loop":
             return self._loops[node]
         result: Indices = self._once("index", node, self._index)
@@ -245,7 +245,7 @@ class Formula:
         return None
 
     def _firsts(self, conds: Sequence[tuple[Bool, int]]) -> Indices:
-        """The first row whose condition holds."""
+        """Return the first row whose condition holds."""
         found: list[tuple[Bool, int]] = []
         earlier: list[Bool] = []
         for cond, place in conds:
@@ -256,7 +256,7 @@ class Formula:
         return tuple(found) or ((self.booleans.true, 0),)
 
     def _best(self, node: Node) -> Indices:
-        """The first row of those with the least or greatest value."""
+        """Return the first row of those with the least or greatest value."""
         loop, cond, value = node.args
         rows = self._each(loop, [cond], lambda own: (self._place(own), self.value(value)))
         booleans, algebra = self.booleans, self.algebra
@@ -274,7 +274,7 @@ class Formula:
         return kept or ((booleans.true, 0),)
 
     def _each(self, loop: Node, conds: Sequence[Node], make: Callable[[Node], Any]) -> list[tuple[Bool, Any]]:
-        """For every row that the loop visits: the condition that it counts, and what `make` says of it."""
+        """Return for every row of the loop the condition that it counts, and the result of `make`."""
         result = []
         outer = self._loops.get(loop)
         for present, place in self._rows(loop.args[0]):
@@ -292,7 +292,7 @@ class Formula:
             self._loops[loop] = outer
 
     def _rows(self, rows: Node) -> list[tuple[Bool, int]]:
-        """The rows that a rows node ranges over, with the conditions that they do."""
+        """Return the rows of a rows node, with the conditions that they are in it."""
         result: list[tuple[Bool, int]] = self._once("rows", rows, self._rows_of)
         return result
 
@@ -310,7 +310,7 @@ class Formula:
     # ---------------------------------------------------------------- numbers
 
     def value(self, node: Node) -> Value:
-        """A number."""
+        """Return the value of a number node."""
         result: Value = self._once("value", node, self._value)
         return result
 
@@ -389,12 +389,12 @@ class Formula:
             case "function":
                 return self._function(node, args)
             case "floor" | "ceiling" | "truncate" | "round" | "truncdiv" | "floordiv" | "mod":
-                # nothing is assumed of these: a proof stays one, a refutation is replayed
+                # nothing is assumed about these: proofs stay valid, and refutations are replayed
                 return algebra.apply(node.op, args)
         raise NotTranslatable(f"a formula has no {node.op}")
 
     def _function(self, node: Node, args: Sequence[Value]) -> Value:
-        """A function of the C library: a power by arithmetic where it can be, else within its bounds."""
+        """Return a function of the C library: a power by arithmetic if possible, else bounded."""
         algebra, exponent = self.algebra, self._exponent(node)
         power = None if exponent is None else algebra.power(args[0], exponent)
         if power is not None:

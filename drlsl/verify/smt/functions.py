@@ -1,4 +1,4 @@
-"""What a proof knows of the C library's functions: where they have a value, and between what bounds."""
+"""The domains of the C library's functions, and bounds on their values, for proofs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 from drlsl.verify.smt.polynomials import Interval, Rational
 
 _SLACK: Final = Fraction(1, 10**9)
-"""By so much of its magnitude a computed bound is widened: the C library is far more exact."""
+"""Share of its magnitude by which a computed bound is widened: the C library is far more exact."""
 
 _LARGEST_EXPONENT: Final = 709.78
 """Below this, exp/1 does not overflow."""
@@ -31,9 +31,9 @@ _DOMAINS: Final[dict[str, Interval]] = {
     "atan": (None, None),
     "tanh": (None, None),
 }
-"""Where a function of a float has a value that is a float, inside by the last digit where it overflows.
+"""The arguments for which a function has a value that is a float, rounded inward where it overflows.
 
-What `log` needs, a positive number, is said beside it; there none of its values is large.
+The domain of `log`, the positive numbers, is checked separately; none of its values is large.
 """
 
 _BOUNDED: Final[dict[str, Interval]] = {
@@ -62,7 +62,7 @@ _RISING: Final[dict[str, Callable[[float], float]]] = {
 
 
 def domain_of(function: str, exponent: Fraction | None = None) -> Interval | None:
-    """Between what arguments a function has a value that is a float; None where no bounds say so.
+    """Return the interval of arguments for which a function has a float value; None without bounds.
 
     Of ``pow``, by its exponent, the bases: positive ones, or any if the exponent is a whole number.
     """
@@ -78,7 +78,7 @@ def domain_of(function: str, exponent: Fraction | None = None) -> Interval | Non
 
 
 def bounds_of(function: str, argument: Interval, exponent: Fraction | None = None) -> Interval:
-    """Bounds on the value of a function where it has one, by those of its argument, or of the base."""
+    """Return bounds on a function's values, given bounds on its argument, or on its base."""
     if function == "pow":
         return _power(argument, exponent)
     least, most = _BOUNDED.get(function, (None, None))
@@ -90,7 +90,7 @@ def bounds_of(function: str, argument: Interval, exponent: Fraction | None = Non
 
 
 def _power(base: Interval, exponent: Fraction | None) -> Interval:
-    """Bounds on a power of a constant exponent; any other may be anything."""
+    """Return bounds on a power with a constant exponent; any other is unbounded."""
     low, high = base
     if exponent is None or low is None or low < 0:
         return (None, None)
@@ -102,7 +102,7 @@ def _power(base: Interval, exponent: Fraction | None) -> Interval:
 
 
 def _at(function: Callable[[float], float], argument: Rational | None) -> float | None:
-    """The value of a function, if it has one."""
+    """Return the value of a function, if it has one."""
     if argument is None:
         return None
     try:
@@ -118,7 +118,7 @@ def _widened(
     known: Rational | None,
     pick: Callable[[Rational, Rational], Rational],
 ) -> Rational | None:
-    """A computed bound, widened, or the known one if that is tighter."""
+    """Return a computed bound, widened, or the known one if that is tighter."""
     if value is None:
         return known
     bound = Fraction(value) + sign * _SLACK * (1 + abs(Fraction(value)))

@@ -18,14 +18,14 @@ Rational: TypeAlias = Fraction | int
 """A rational number; whole ones are integers, which are faster. Divide by ``Fraction(1, number)``."""
 
 Interval: TypeAlias = tuple[Rational | None, Rational | None]
-"""The least and greatest value; None where there is none."""
+"""The least and greatest value; None if there is none."""
 
 ONE: Final[Monomial] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknown:
-    """A real number that is not known; `low` and `high` bound it, None where nothing does."""
+    """An unknown real number; `low` and `high` bound it, None without a bound."""
 
     number: int
     name: str
@@ -39,7 +39,7 @@ class Unknown:
 
     @property
     def is_positive(self) -> bool:
-        """It is above 0."""
+        """True if it is above 0."""
         return self.low is not None and self.low > 0
 
 
@@ -54,7 +54,7 @@ class Polynomial:
 
     @property
     def constant(self) -> Rational | None:
-        """Its value where it has no unknowns, else None."""
+        """Its value if it has no unknowns, else None."""
         if not self.terms:
             return 0
         return self.terms.get(ONE) if len(self.terms) == 1 else None
@@ -67,7 +67,7 @@ class Polynomial:
 
 
 def times(one: Monomial, other: Monomial) -> Monomial:
-    """The product of two monomials."""
+    """Return the product of two monomials."""
     if not one or not other:
         return one or other
     powers = dict(one)
@@ -100,22 +100,22 @@ class Ring:
         self._monomials: dict[Monomial, Interval] = {}
 
     def unknown(self, name: str, low: Rational | None, high: Rational | None) -> Polynomial:
-        """A new unknown, as a polynomial."""
+        """Return a new unknown, as a polynomial."""
         made = Unknown(len(self.unknowns), name, low, high)
         self.unknowns.append(made)
         return self.make({((made.number, 1),): 1})
 
     def declare_root(self, root: Polynomial, square: Polynomial) -> None:
-        """From now on the square of the unknown `root` is written as `square`."""
+        """Have the square of the unknown `root` written as `square` from now on."""
         ((unknown, _),) = next(iter(root.terms))
         self._squares[unknown] = square
 
     def square_of(self, unknown: int) -> Polynomial | None:
-        """What an unknown is the square root of, if it is one."""
+        """Return the polynomial of which an unknown is the square root, if it is one."""
         return self._squares.get(unknown)
 
     def make(self, terms: Mapping[Monomial, Rational]) -> Polynomial:
-        """The polynomial of these terms."""
+        """Return the polynomial of these terms."""
         kept = {
             monomial: factor if factor.denominator != 1 else factor.numerator
             for monomial, factor in sorted(terms.items())
@@ -128,11 +128,11 @@ class Ring:
         return known
 
     def const(self, value: Rational) -> Polynomial:
-        """A constant."""
+        """Return a constant."""
         return self.make({ONE: value})
 
     def add(self, one: Polynomial, other: Polynomial) -> Polynomial:
-        """The sum."""
+        """Return the sum."""
         if not other.terms:
             return one
         terms = dict(one.terms)
@@ -141,15 +141,15 @@ class Ring:
         return self.make(terms)
 
     def scale(self, one: Polynomial, factor: Rational) -> Polynomial:
-        """The product with a constant."""
+        """Return the product with a constant."""
         return one if factor == 1 else self.make({monomial: f * factor for monomial, f in one.terms.items()})
 
     def subtract(self, one: Polynomial, other: Polynomial) -> Polynomial:
-        """The difference."""
+        """Return the difference."""
         return self.add(one, self.scale(other, -1))
 
     def multiply(self, one: Polynomial, other: Polynomial) -> Polynomial:
-        """The product."""
+        """Return the product."""
         terms: dict[Monomial, Rational] = {}
         rest = self.const(0)
         for left, f in one.terms.items():
@@ -164,13 +164,13 @@ class Ring:
         return self.add(self.make(terms), rest)
 
     def power(self, unknown: int, power: int) -> Polynomial:
-        """A power of one unknown."""
+        """Return a power of one unknown."""
         return self.make({((unknown, power),): 1})
 
     # ---------------------------------------------------------------- bounds
 
     def interval(self, one: Polynomial) -> Interval:
-        """Bounds on the value that follow from those of the unknowns."""
+        """Return bounds on the value that follow from those of the unknowns."""
         known = self._intervals.get(one.number)
         if known is None:
             low: Rational | None = 0

@@ -1,6 +1,6 @@
-"""The one place that speaks to cvc5: a second opinion on what z3 was asked.
+"""The only module that uses cvc5: a second opinion on z3's questions.
 
-It translates formulas by itself, so that an error there shows as well as one of a solver.
+It translates formulas independently, so that it detects errors of the translation, too.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ SolverChoice: TypeAlias = Literal["z3", "cvc5", "both"]
 Opinion: TypeAlias = Literal["none", "some", "unknown"]
 
 MOST_SECONDS: Final = 10.0
-"""For one question, which z3 answered already."""
+"""Time for one question, which z3 has answered already."""
 
 
 class SolversDisagree(UserError):
-    """One solver says that no scene fulfils a formula, another has one that does."""
+    """One solver says that no scene satisfies a formula, another has one that does."""
 
     def __init__(self, denies: str, has: str) -> None:
         super().__init__(
-            f"{denies} says that no scene fulfils a formula that one of {has}'s does: one of them is wrong, "
-            "so nothing is proved; please report it"
+            f"{denies} says that no scene satisfies a formula, but {has} has one that does: one of the two "
+            "is wrong, so nothing is proved; please report it"
         )
 
 
 @dataclass(slots=True)
 class Judges:
-    """Which solvers are asked, and what came of it: questions that cvc5 confirmed, and did not answer."""
+    """The solvers to use, and the counts of questions that cvc5 confirmed, and did not answer."""
 
     solver: SolverChoice = "z3"
     confirmed: int = 0
@@ -42,14 +42,14 @@ class Judges:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Whether a scene fulfils formulas; `checked` says that exact arithmetic confirms the one that does."""
+    """The answer whether a scene satisfies formulas; `checked`: exact arithmetic confirms the scene."""
 
     opinion: Opinion
     checked: bool = False
 
 
 class Cvc5:
-    """Asks cvc5 about formulas over one ring of polynomials; a `linear` one as `Solver` is."""
+    """Asks cvc5 about formulas over one ring of polynomials; `linear` as in `Solver`."""
 
     def __init__(self, ring: Ring, *, linear: bool) -> None:
         self._ring = ring
@@ -60,7 +60,7 @@ class Cvc5:
         self._done: dict[Bool, Any] = {}
 
     def ask(self, truths: Sequence[Bool], seconds: float) -> Answer:
-        """Whether all of the formulas can be true at once."""
+        """Return whether all of the formulas can be true at once."""
         import cvc5.pythonic as api
 
         solver = api.SolverFor("QF_LRA" if self._linear else "QF_NRA")
@@ -130,7 +130,7 @@ class Cvc5:
     # ---------------------------------------------------------------- and back
 
     def _holds(self, api: Any, model: Any, truths: Iterable[Bool]) -> bool:
-        """Whether exact arithmetic says so too of the numbers that were found."""
+        """Return whether exact arithmetic confirms the numbers of a model."""
         try:
             numbers = {n: _fraction(model.eval(term)) for n, term in self._numbers.items()}
             products = {m: _fraction(model.eval(term)) for m, term in self._products.items()}

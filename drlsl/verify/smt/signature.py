@@ -1,4 +1,4 @@
-"""What a formula says, whatever its unknowns and flags are called: many cases ask the same question."""
+"""Signatures of formulas up to the names of unknowns and flags: many cases ask the same question."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drlsl.verify.smt.polynomials import Polynomial, Ring
 
 
 def signature(truths: Iterable[Bool], ring: Ring) -> bytes:
-    """A digest of formulas and of the bounds of their unknowns; equal ones mean the same question."""
+    """Return a digest of formulas and of the bounds of their unknowns; equal ones ask the same question."""
     writer = _Writer(ring)
     roots = [writer.place(truth) for truth in truths]
     text = repr((roots, writer.lines, [ring.unknowns[number].bounds for number in writer.unknowns]))
@@ -19,7 +19,7 @@ def signature(truths: Iterable[Bool], ring: Ring) -> bytes:
 
 
 class _Writer:
-    """Writes formulas part by part, naming parts, unknowns and flags by the order of their coming."""
+    """Writes formulas part by part, naming parts, unknowns and flags by the order of their occurrence."""
 
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
@@ -29,7 +29,7 @@ class _Writer:
         self._places: dict[Bool, int] = {}
 
     def place(self, truth: Bool) -> int:
-        """The number of the line that a formula has."""
+        """Return the number of a formula's line."""
         known = self._places.get(truth)
         if known is None:
             line = self._line(truth)

@@ -1,4 +1,4 @@
-"""The one place that speaks to z3: is there a scene in which a formula holds?"""
+"""The only module that uses z3: is there a scene in which a formula holds?"""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from drlsl.verify.smt.values import Algebra
 Verdict: TypeAlias = Literal["none", "some", "unknown"]
 
 _DIGITS: Final = 30
-"""Decimals to which a model's algebraic numbers are taken."""
+"""Decimals of a model's algebraic numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Whether there is such a scene: `none`, `some` with a model, or `unknown` for a reason."""
+    """The existence of a scene: `none`, `some` with a model, or `unknown` for a reason."""
 
     verdict: Verdict
     model: Model | None = None
@@ -32,7 +32,7 @@ class Outcome:
 
 
 class Scenes(Protocol):
-    """The scenes that formulas speak of, as a `SymbolicScene` describes them."""
+    """The scenes of formulas, as a `SymbolicScene` describes them."""
 
     algebra: Algebra
     always: list[Bool]
@@ -40,16 +40,16 @@ class Scenes(Protocol):
     usual: dict[int, tuple[int, Fraction]]
 
     def tidy(self) -> list[Bool]:
-        """What a scene had better fulfil."""
+        """Return conditions that a scene should satisfy, if possible."""
 
 
 class Solver:
     """Asks z3 about the formulas of one symbolic scene.
 
-    A `linear` one takes products for numbers of their own. One for `few` unknowns divides their space into
-    cells where every polynomial has one sign, which always gives an answer, but takes long where they are
-    many. `settled` holds what was proved to hold nowhere. `judges` says whether cvc5 is asked too, or alone,
-    what holds nowhere; scenes are found by z3.
+    A `linear` one treats products as numbers of their own. One for `few` unknowns divides their space into
+    cells where every polynomial has one sign, which always gives an answer, but takes long for many.
+    `settled` holds formulas that were proved to hold nowhere. `judges` decides whether cvc5 proves, too, or
+    alone; scenes are found by z3.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Solver:
         self._done: dict[tuple[int, Fraction], Any] = {}
 
     def holds_nowhere(self, truth: Bool, seconds: float) -> Outcome:
-        """Whether no scene fulfils `truth`; an answer `some` may still lie outside what scenes can be."""
+        """Return whether no scene satisfies `truth`; an answer `some` may lie outside the possible scenes."""
         premises = self._premises([truth])
         question = signature([truth, *premises], self._algebra.ring)
         if question in self._settled:
@@ -109,10 +109,10 @@ class Solver:
         return Outcome(opinion, reason="timeout" if opinion == "unknown" else "")
 
     def _compared(self, outcome: Outcome, truths: Sequence[Bool], seconds: float) -> Outcome:
-        """What both solvers say of a question; the second is asked where the first has no mere relaxation.
+        """Return the answer of both solvers; the second is used only if the first's is no relaxation's.
 
         Raises:
-            SolversDisagree: one has a scene that the other says there is not.
+            SolversDisagree: one has a scene that the other excludes.
         """
         assert self._second is not None
         if outcome.verdict == "some" and self._linear:
@@ -131,10 +131,10 @@ class Solver:
         return Outcome("none") if second.opinion == "none" else outcome
 
     def find(self, truth: Bool, seconds: float, *, margin: Fraction, usual: int) -> Outcome:
-        """A scene that fulfils `truth`, each of its comparisons by a margin.
+        """Return a scene that satisfies `truth`, each of its comparisons by a margin.
 
-        Numbers are what they usually are: with `usual` 2 all that have such a value, with 1 all but speeds;
-        and vehicles are in lanes and do not overlap.
+        Numbers have their usual values, if any: with `usual` 2 all, with 1 all but speeds. Vehicles are in
+        lanes and do not overlap.
         """
         solver = self._solver(seconds)
         solver.add(self._strict(truth, positive=True, margin=margin))
@@ -188,7 +188,7 @@ class Solver:
             solver.add(term <= self._rational(high))
 
     def _premises(self, truths: Iterable[Bool]) -> dict[Bool, None]:
-        """What holds of the flags and unknowns in formulas by their making."""
+        """Return the definitions of the flags and unknowns in formulas."""
         found: dict[Bool, None] = {}
         open_ = list(truths)
         while open_:
@@ -228,7 +228,7 @@ class Solver:
         return z3.Sum(terms) if len(terms) > 1 else terms[0]
 
     def _powers(self, monomial: Monomial) -> list[Any]:
-        """The factors of a product; where the solver is to be linear, one unknown for all of it."""
+        """Return the factors of a product; for a linear solver, one unknown for all of it."""
         if self._linear and monomial and (len(monomial) > 1 or monomial[0][1] != 1):
             if monomial not in self._products:
                 self._products[monomial] = z3.Real(f"product#{len(self._products)}", ctx=self._context)
@@ -241,7 +241,7 @@ class Solver:
         return self._strict(truth, positive=True, margin=Fraction(0))
 
     def _strict(self, truth: Bool, *, positive: bool, margin: Fraction) -> Any:
-        """A formula, or its negation, with every comparison that it needs met by a margin."""
+        """Return a formula, or its negation, with each needed comparison met by a margin."""
         place = (truth.number if positive else -truth.number - 1, margin)
         if place not in self._done:
             self._done[place] = self._make(truth, positive, margin)
@@ -288,7 +288,7 @@ class Solver:
 
 
 def _tries(seconds: float) -> Iterator[tuple[int, float]]:
-    """Seeds with seconds for each: with products in it, luck makes a proof take a second or a minute."""
+    """Yield seeds with seconds for each: with products, luck makes a proof take a second or a minute."""
     seed = 0
     while seconds > 0:
         share = min(seconds, float(2 ** (seed // 3)))
@@ -297,7 +297,7 @@ def _tries(seconds: float) -> Iterator[tuple[int, float]]:
 
 
 def _fraction(value: Any) -> Fraction:
-    """A model's number; an algebraic one is rounded."""
+    """Return a model's number; an algebraic one is rounded."""
     if z3.is_algebraic_value(value):
         value = value.approx(_DIGITS)
     return Fraction(value.numerator_as_long(), value.denominator_as_long())

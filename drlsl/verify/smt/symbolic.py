@@ -1,4 +1,4 @@
-"""A scene that is not known: every number an unknown within its range, every lane and presence open."""
+"""An unknown scene: every number an unknown within its range, every lane and presence open."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from drlsl.verify.smt.polynomials import Polynomial, evaluate
 from drlsl.verify.smt.values import Algebra, Value
 
 FOCUS: Final = Relation("focus", ("atom",), single=True, fields=("id",))
-"""One of the vehicles, any: what `focus/1` names in properties."""
+"""The vehicle, any one, that `focus/1` names in properties."""
 
 NOBODY: Final = "none"
-"""What `focus/1` names where no vehicle is in focus."""
+"""The name in `focus/1` if no vehicle is in focus."""
 
 _HALF: Final = Fraction(1, 2)
 
@@ -46,19 +46,19 @@ class Box:
 
 @dataclass(slots=True)
 class Model:
-    """What a solver found: numbers by unknown, truth by flag; what it left out is None."""
+    """A solver's model: numbers by unknown, truth by flag; None if the solver left it open."""
 
     numbers: Mapping[int, Fraction]
     flags: Mapping[str, bool]
 
 
 class SymbolicScene:
-    """The scenes of one case with up to so many vehicles besides the ego.
+    """The scenes of one case with a number of vehicles besides the ego.
 
-    `facts` are the rows of all relations. `always` is what every scene fulfils; `about` the part of it that
-    speaks of a flag, by the flag's name. `usual` gives unknowns the value that a
-    counterexample should have, with 1, or 2 for a speed. `unknowns` name facts of one number each that a
-    property speaks of besides the scene. Each vehicle may have one of `names`, or else one of its own.
+    `facts` are the rows of all relations. `always` holds in every scene; `about` is the part of it that
+    mentions a flag, by the flag's name. `usual` gives unknowns the value that a counterexample should have,
+    with 1, or 2 for a speed. `unknowns` name facts of one number each that a property uses besides the scene.
+    Each vehicle may have one of `names`, or else one of its own.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class SymbolicScene:
     # ---------------------------------------------------------------- unknowns
 
     def _unknown(self, kind: str, name: str, bounds: Range | None = None) -> Polynomial:
-        """A number of that kind, within its range."""
+        """Return a number of that kind, within its range."""
         low, high = bounds or self.ranges[kind]
         ring = self.algebra.ring
         made = ring.const(low) if low == high else ring.unknown(name, low, high)
@@ -104,7 +104,7 @@ class SymbolicScene:
         return made
 
     def _lanes(self) -> None:
-        """Lanes that touch, counted from the ego's to both sides."""
+        """Make lanes that touch, counted from the ego's to both sides."""
         ring, case = self.algebra.ring, self.case
         numbers = range(1, case.lanes + 1)
         widths = {lane: self._unknown("lane_width", f"width_of_lane_{lane}") for lane in _outward(case)}
@@ -123,7 +123,7 @@ class SymbolicScene:
         self.limits = [limits[lane] for lane in numbers]
 
     def _finite_lane(self, name: str, lanes: Sequence[int]) -> Finite:
-        """One of several lanes."""
+        """Return one of several lanes."""
         booleans = self.algebra.booleans
         if len(lanes) == 1:
             return {lanes[0]: booleans.true}
@@ -184,11 +184,11 @@ class SymbolicScene:
         return box
 
     def _forward(self, polynomial: Polynomial) -> Polynomial:
-        """What counts forward or to the right of a driver in the ego's lane, in coordinates of the road."""
+        """Return a driver's forward or rightward amount in coordinates of the road."""
         return self.algebra.ring.scale(polynomial, Fraction(self.case.direction(self.case.ego_lane).sign))
 
     def _in_its_lane(self, box: Box) -> None:
-        """A vehicle's lane is the one that holds its centre; 0 is none."""
+        """Demand that a vehicle's lane is the one that holds its centre; 0 for none."""
         algebra, ring = self.algebra, self.algebra.ring
         booleans = algebra.booleans
         outside = []
@@ -203,7 +203,7 @@ class SymbolicScene:
         self._require([booleans.implies(flag, booleans.and_(outside))], [flag])
 
     def _name_boxes(self) -> None:
-        """A vehicle has at most one of the names, and no two have the same."""
+        """Demand that a vehicle has at most one of the names, and no two have the same."""
         booleans = self.algebra.booleans
         flags = {
             (box.name, atom): booleans.flag(f"{box.name}_is_{atom.name}")
@@ -218,7 +218,7 @@ class SymbolicScene:
             box.id = {Atom(box.name): booleans.not_(booleans.or_(named.values())), **named}
 
     def _order(self) -> None:
-        """Vehicles that are there come first, and they are in radar range."""
+        """Demand that the existing vehicles come first and are in radar range."""
         algebra, ring, booleans = self.algebra, self.algebra.ring, self.algebra.booleans
         radar = self._unknown("radar_range", "radar_range")
         for before, box in zip([None, *self._boxes], self._boxes, strict=False):
@@ -228,7 +228,7 @@ class SymbolicScene:
             distance = ring.add(ring.multiply(box.dx, box.dx), ring.multiply(dy, dy))
             near = algebra.at_least(ring.multiply(radar, radar), distance)
             self.always.append(near)
-            # one that is not there may stand anywhere, so all may be taken to be in range
+            # an absent one may be anywhere, so all may be assumed to be in range
             algebra.assume(near)
 
     # ---------------------------------------------------------------- facts
@@ -274,7 +274,7 @@ class SymbolicScene:
         return Row(box.present, (box.id, box.lane, place, box.y, box.vx, box.vy, box.length, box.width))
 
     def _focus(self) -> Finite:
-        """The name of one vehicle that is there, or `none`."""
+        """Return the name of one existing vehicle, or `none`."""
         booleans = self.algebra.booleans
         flags = [booleans.flag(f"focus_{box.name}") for box in self._boxes]
         pairs = [(one, other) for one in flags for other in flags if one.number < other.number]
@@ -288,7 +288,7 @@ class SymbolicScene:
         return {constant: booleans.or_(conds) for constant, conds in parts.items()}
 
     def tidy(self) -> list[Bool]:
-        """Vehicles are in a lane and do not overlap: a counterexample had better be like that."""
+        """Return the conditions of a tidy counterexample: vehicles are in a lane and do not overlap."""
         algebra, ring, booleans = self.algebra, self.algebra.ring, self.algebra.booleans
         boxes = [self._ego, *self._boxes]
         result = []
@@ -341,12 +341,12 @@ class SymbolicScene:
         return scene, str(chosen(self._focused))
 
     def unknown_values(self, model: Model) -> dict[str, float]:
-        """What a model has for the numbers that the property speaks of besides the scene."""
+        """Return a model's values of the property's further numbers."""
         return {name: float(evaluate(self._numbers[name], model.numbers)) for name in self.unknowns}
 
 
 def _outward(case: Case) -> list[int]:
-    """The lanes from the ego's on: those to the driver's right by their distance, then those to the left."""
+    """Return the lanes from the ego's on: those to its right by their distance, then those to its left."""
     up, down = list(range(case.ego_lane - 1, 0, -1)), list(range(case.ego_lane + 1, case.lanes + 1))
     right, left = (down, up) if case.direction(case.ego_lane).sign > 0 else (up, down)
     return [case.ego_lane, *right, *left]

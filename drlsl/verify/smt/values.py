@@ -1,9 +1,9 @@
-"""Arithmetic on values that are not known, and comparisons of them that a solver finds easy.
+"""Arithmetic on unknown values, and comparisons of them in a form that a solver finds easy.
 
 A value is a polynomial, a choice between two values, or the least or greatest of some. Comparisons are
-pushed through choices and extremes down to polynomials, divisions are cleared and lone square roots squared,
-so that what is left is the sign of polynomials. Only where a product or a root is taken of a choice or an
-extreme does it become an unknown of its own, with its definition beside it.
+pushed through choices and extremes down to polynomials, divisions are cleared and single square roots
+squared, so that the signs of polynomials remain. Only the product or root of a choice or extreme makes it an
+unknown of its own, with its definition beside it.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from drlsl.verify.smt.booleans import Bool, Booleans, leaves
 from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rational, Ring
 
 _MOST_LEAVES: Final = 64
-"""A sum or product of values with more leaves than this makes unknowns of them."""
+"""Number of leaves above which the values in a sum or product become unknowns."""
 
 _MOST_MULTIPLICATIONS: Final = 16
-"""A power with a greater exponent is not written as a product."""
+"""Largest exponent of a power that is written as a product."""
 
 _DENOMINATOR: Final = 10**12
 """Bounds on roots are rounded outward to fractions of this."""
 
 
 class Choice:
-    """`then` where `cond` holds, else `els`."""
+    """`then` if `cond` holds, else `els`."""
 
     __slots__ = ("cond", "els", "number", "size", "then")
 
@@ -40,7 +40,7 @@ class Choice:
 
 
 class Extreme:
-    """The least or greatest of the values whose conditions hold; some number where none does."""
+    """The least or greatest of the values whose conditions hold; an arbitrary number if none does."""
 
     __slots__ = ("least", "members", "number", "size")
 
@@ -56,21 +56,21 @@ _Key: TypeAlias = "tuple[type[object], int]"
 
 
 def size(value: Value) -> int:
-    """How many polynomials a value is made of."""
+    """Return the number of polynomials in a value."""
     return 1 if isinstance(value, Polynomial) else value.size
 
 
 def key(value: Value) -> _Key:
-    """What tells values apart."""
+    """Return a key that identifies a value."""
     return (type(value), value.number)
 
 
 class Algebra:
     """Makes values and compares them.
 
-    `definitions` holds, by the number of an unknown, what is true of it by its making. Where it `clears`, no
-    comparison is left with a division or a lone root in it; else they stand as they are, and comparisons of
-    the same values stay alike; `lemmas` then says of a comparison how others follow from it.
+    `definitions` holds, by the number of an unknown, the conditions that define it. If it `clears`, no
+    comparison is left with a division or a single root in it; else they are unchanged, and comparisons of the
+    same values stay equal; `lemmas` then has, by comparison, the implications to others.
     """
 
     def __init__(self, *, clears: bool = True) -> None:
@@ -89,11 +89,11 @@ class Algebra:
         self._intervals: dict[_Key, Interval] = {}
 
     def number(self, value: float) -> Polynomial:
-        """A constant; a float is the decimal fraction that it prints as."""
+        """Return a constant; a float stands for the decimal fraction that it prints as."""
         return self.ring.const(Fraction(repr(value)) if isinstance(value, float) else Fraction(value))
 
     def assume(self, truth: Bool) -> None:
-        """From now on a comparison, or the negation of one, is known to be true."""
+        """Record that a comparison, or the negation of one, is true from now on."""
         if truth.op == "not":
             self._assumed[truth.args[0]] = self.booleans.false
         elif truth is not self.booleans.true:
@@ -104,7 +104,7 @@ class Algebra:
     # ---------------------------------------------------------------- making values
 
     def choose(self, cond: Bool, then: Value, els: Value) -> Value:
-        """`then` where `cond` holds, else `els`."""
+        """Return `then` if `cond` holds, else `els`."""
         if cond is self.booleans.true or then is els:
             return then
         if cond is self.booleans.false:
@@ -115,7 +115,7 @@ class Algebra:
         return self._made.setdefault(made, Choice(cond, then, els, len(self._made)))
 
     def extreme(self, least: bool, members: Iterable[tuple[Bool, Value]]) -> Value:
-        """The least or greatest of the values whose conditions hold."""
+        """Return the least or greatest of the values whose conditions hold."""
         and_, false = self.booleans.and_, self.booleans.false
         flat: dict[tuple[int, _Key], tuple[Bool, Value]] = {}
         for guard, value in members:
@@ -138,7 +138,7 @@ class Algebra:
         return self._made.setdefault(made, Extreme(least, tuple(kept), len(self._made)))
 
     def _undominated(self, least: bool, members: list[tuple[Bool, Value]]) -> list[tuple[Bool, Value]]:
-        """The members without those that one that is always there makes pointless."""
+        """Return the members that can be the extreme, given those that always exist."""
         always = [value for guard, value in members if guard is self.booleans.true]
         for best in always:
             members = [
@@ -153,11 +153,11 @@ class Algebra:
             return False
         difference = self.ring.subtract(value, best) if least else self.ring.subtract(best, value)
         low, high = self.ring.interval(difference)
-        # of two that are always there and always equal only the later may go
+        # of two that always exist and are always equal only the later may go
         return low is not None and low >= 0 and not (high == 0 and value.number < best.number)
 
     def as_unknown(self, value: Value) -> Polynomial:
-        """A value as a polynomial: itself, or an unknown that equals it."""
+        """Return a value as a polynomial: itself, or an unknown that equals it."""
         if isinstance(value, Polynomial):
             return value
         known = self._unknowns.get(key(value))
@@ -177,13 +177,13 @@ class Algebra:
         self.definitions.setdefault(_only_unknown(unknown), []).append(truth)
 
     def indicator(self, cond: Bool) -> Polynomial:
-        """1 where the condition holds, else 0."""
+        """Return 1 if the condition holds, else 0."""
         return self.as_unknown(self.choose(cond, self.one, self.zero))
 
     def leafwise(
         self, value: Value, function: Callable[[Polynomial], Value], *, turns: bool = False
     ) -> Value:
-        """A function that grows (or falls: `turns`) applied to every polynomial of a value."""
+        """Apply a growing (or falling: `turns`) function to every polynomial of a value."""
         if isinstance(value, Polynomial):
             return function(value)
         if isinstance(value, Choice):
@@ -197,7 +197,7 @@ class Algebra:
     # ---------------------------------------------------------------- arithmetic
 
     def add(self, one: Value, other: Value) -> Value:
-        """The sum."""
+        """Return the sum."""
         if isinstance(one, Polynomial) and isinstance(other, Polynomial):
             return self.ring.add(one, other)
         if isinstance(one, Polynomial):
@@ -221,21 +221,21 @@ class Algebra:
         return self.add(one, self.as_unknown(other))
 
     def scale(self, value: Value, factor: Rational) -> Value:
-        """The product with a constant."""
+        """Return the product with a constant."""
         if not factor:
             return self.zero
         return self.leafwise(value, lambda leaf: self.ring.scale(leaf, factor), turns=factor < 0)
 
     def negate(self, value: Value) -> Value:
-        """The value with the other sign."""
+        """Return the value with the other sign."""
         return self.scale(value, -1)
 
     def subtract(self, one: Value, other: Value) -> Value:
-        """The difference."""
+        """Return the difference."""
         return self.add(one, self.negate(other))
 
     def multiply(self, one: Value, other: Value) -> Value:
-        """The product."""
+        """Return the product."""
         if isinstance(other, Polynomial):
             one, other = other, one
         if isinstance(one, Polynomial):
@@ -262,7 +262,7 @@ class Algebra:
         return self.ring.multiply(factor, self.as_unknown(value))
 
     def divide(self, one: Value, other: Value) -> Value:
-        """The quotient; where the divisor is 0 it means nothing."""
+        """Return the quotient; undefined for a divisor of 0."""
         divisor = self.as_unknown(other)
         if divisor.constant is not None:
             return self.scale(one, Fraction(1, divisor.constant)) if divisor.constant else self.zero
@@ -274,7 +274,7 @@ class Algebra:
         return self.multiply(self.ring.make(inverse), one)
 
     def _named(self, polynomial: Polynomial) -> tuple[Polynomial, Rational]:
-        """An unknown and a factor whose product the polynomial is."""
+        """Return an unknown and a factor whose product is the polynomial."""
         factor = next(iter(polynomial.terms.values()))
         normal = self.ring.scale(polynomial, Fraction(1, factor))
         known = self._unknowns.get(normal.number)
@@ -284,7 +284,7 @@ class Algebra:
         return known, factor
 
     def sqrt(self, value: Value) -> Value:
-        """The square root; of a negative number it means nothing."""
+        """Return the square root; undefined for a negative number."""
         square = self.as_unknown(value)
         if square.constant is not None and square.constant >= 0:
             root = _exact_root(square.constant)
@@ -295,16 +295,16 @@ class Algebra:
             known = self._new("sqrt", _root_interval(self.ring.interval(square)))
             self._unknowns["sqrt", square.number] = known
             raw = self.ring.subtract(self.ring.make({((_only_unknown(known), 2),): 1}), square)
-            # where there is no root nothing is said of it: a scene that asks for none stays possible
+            # an undefined root has no constraint: scenes that do not use it stay possible
             self._define(known, self.booleans.implies(self.at_least(square, self.zero), self._zero(raw)))
             self._define(known, self.at_least(known, self.zero))
             self.ring.declare_root(known, square)
         return known
 
     def power(self, base: Value, exponent: Fraction) -> Value | None:
-        """A power by arithmetic and roots, where the exponent is a small multiple of a half; else None.
+        """Return a power by arithmetic and roots if the exponent is a small multiple of a half; else None.
 
-        Of a negative base, or of 0 where the exponent is negative, it may mean nothing.
+        It may be undefined for a negative base, or for 0 with a negative exponent.
         """
         if (2 * exponent).denominator != 1 or abs(exponent) > _MOST_MULTIPLICATIONS:
             return None
@@ -314,7 +314,7 @@ class Algebra:
         return self.divide(self.one, result) if exponent < 0 else result
 
     def apply(self, function: str, arguments: Sequence[Value], bounds: Interval = (None, None)) -> Value:
-        """A function of which nothing is known but `bounds`, and that equal arguments give equal values."""
+        """Return an unknown function within `bounds`, with equal values for equal arguments."""
         polynomials = [self.as_unknown(argument) for argument in arguments]
         place = (function, *(polynomial.number for polynomial in polynomials))
         if place not in self._unknowns:
@@ -324,7 +324,7 @@ class Algebra:
     # ---------------------------------------------------------------- bounds
 
     def interval(self, value: Value) -> Interval:
-        """Bounds on a value."""
+        """Return bounds on a value."""
         if isinstance(value, Polynomial):
             return self.ring.interval(value)
         known = self._intervals.get(key(value))
@@ -348,7 +348,7 @@ class Algebra:
     # ---------------------------------------------------------------- comparison
 
     def less(self, one: Value, other: Value) -> Bool:
-        """one < other."""
+        """Return one < other."""
         if isinstance(one, Polynomial) and isinstance(other, Polynomial):
             return self.above(self.ring.subtract(other, one))
         if one is other:
@@ -379,11 +379,11 @@ class Algebra:
         return booleans.and_(booleans.implies(*part) for part in parts)
 
     def at_least(self, one: Value, other: Value) -> Bool:
-        """one >= other."""
+        """Return one >= other."""
         return self.booleans.not_(self.less(one, other))
 
     def equal(self, one: Value, other: Value) -> Bool:
-        """one = other."""
+        """Return one = other."""
         booleans = self.booleans
         if isinstance(one, Polynomial) and isinstance(other, Polynomial):
             return self._zero(self.ring.subtract(one, other))
@@ -403,7 +403,7 @@ class Algebra:
         return booleans.and_([*bound, booleans.or_([*reached, booleans.not_(booleans.or_(guards))])])
 
     def above(self, polynomial: Polynomial) -> Bool:
-        """A polynomial is > 0."""
+        """Return the comparison of a polynomial > 0."""
         known = self._above.get(polynomial.number)
         if known is None:
             known = self._above[polynomial.number] = self._sign(polynomial)
@@ -423,7 +423,7 @@ class Algebra:
         return self._sign_of_root(polynomial) or self._normal("above", polynomial)
 
     def _sign_without(self, polynomial: Polynomial, unknown: int, power: int) -> Bool:
-        """The sign of a polynomial by that of what is left without a common power of one unknown."""
+        """Return the sign of a polynomial by that of its quotient by a common power of one unknown."""
         booleans, ring = self.booleans, self.ring
         rest = ring.multiply(polynomial, ring.power(unknown, -power))
         if ring.unknowns[unknown].is_positive:
@@ -434,13 +434,13 @@ class Algebra:
         turned = rest if power % 2 == 0 else ring.scale(rest, -1)
         cases = [booleans.and_((up, self.above(rest))), booleans.and_((down, self.above(turned)))]
         if power < 0:
-            # a division by 0 has no value: nothing is known of it
+            # a division by 0 is undefined: nothing is known about it
             free = booleans.flag(f"undefined_{polynomial.number}")
             cases.append(booleans.and_((self._zero(itself), free)))
         return booleans.or_(cases)
 
     def _sign_beside(self, polynomial: Polynomial, unknown: int, power: int) -> Bool:
-        """The sign of what is left without a power of a positive unknown, and a lemma that the two agree."""
+        """Return the sign of the quotient by a power of a positive unknown, with a lemma that they agree."""
         booleans, ring = self.booleans, self.ring
         rest = ring.multiply(polynomial, ring.power(unknown, -power))
         result = self.above(rest)
@@ -452,7 +452,7 @@ class Algebra:
         return result
 
     def _sign_of_root(self, polynomial: Polynomial) -> Bool | None:
-        """The sign of a·√s + q by those of q and of a²·s - q², where there is one root."""
+        """Return the sign of a·√s + q by those of q and of a²·s - q², if there is one root."""
         ring, booleans = self.ring, self.booleans
         roots = [
             (monomial, unknown)
@@ -478,7 +478,7 @@ class Algebra:
         return booleans.and_((self.above(rest), self.above(ring.scale(difference, -1))))
 
     def _normal(self, op: str, polynomial: Polynomial) -> Bool:
-        """The comparison with the leading coefficient 1."""
+        """Return the comparison with the leading coefficient 1."""
         factor = list(polynomial.terms.values())[-1]
         normal = self.ring.scale(polynomial, Fraction(1, factor))
         if op == "zero":
@@ -488,7 +488,7 @@ class Algebra:
         return truth if factor > 0 else self.booleans.not_(truth)
 
     def _zero(self, polynomial: Polynomial) -> Bool:
-        """A polynomial is 0."""
+        """Return the comparison of a polynomial = 0."""
         low, high = self.ring.interval(polynomial)
         if (low is not None and low > 0) or (high is not None and high < 0):
             return self.booleans.false
@@ -502,23 +502,23 @@ class Algebra:
                 itself = self.booleans.comparison("zero", self.ring.power(unknown, 1))
                 if power > 0:
                     return self.booleans.or_((itself, self._zero(rest)))
-                # a flag of its own: what means nothing may be neither greater than nor equal to a number
+                # a flag of its own: an undefined value may be neither greater than nor equal to a number
                 free = self.booleans.flag(f"undefined_zero_{polynomial.number}")
                 return self.booleans.choose(itself, free, self._zero(rest))
         return self._normal("zero", polynomial)
 
 
 def _only_unknown(polynomial: Polynomial) -> int:
-    """The number of the unknown that a polynomial is."""
+    """Return the number of the unknown that the polynomial consists of."""
     ((monomial, _),) = polynomial.terms.items()
     ((unknown, _),) = monomial
     return unknown
 
 
 def _least_powers(polynomial: Polynomial) -> dict[int, int]:
-    """By unknown, the power that all monomials have in common, or the most negative that one has.
+    """Return, by unknown, the power common to all monomials, or the most negative one.
 
-    A lone unknown has none: its sign is known by itself.
+    A single unknown has none: its sign needs no reduction.
     """
     monomials: list[Monomial] = list(polynomial.terms)
     if len(monomials) == 1 and [power for _, power in monomials[0]] in ([], [1]):
@@ -531,13 +531,13 @@ def _least_powers(polynomial: Polynomial) -> dict[int, int]:
 
 
 def _tightest(pick: Callable[[list[Rational]], Rational], bounds: list[Rational | None]) -> Rational | None:
-    """The tightest of the bounds that there are."""
+    """Return the tightest of the existing bounds."""
     known = [bound for bound in bounds if bound is not None]
     return pick(known) if known else None
 
 
 def _exact_root(square: Rational) -> Rational | None:
-    """The square root of a fraction where it is one."""
+    """Return the square root of a fraction if it is a fraction."""
     root = Fraction(math.isqrt(square.numerator), math.isqrt(square.denominator))
     return root if root * root == square else None
 
