@@ -1,4 +1,4 @@
-"""One rule text at array speed: a loaded program becomes an intermediate form, and that becomes code."""
+"""Rules at array speed: a loaded program becomes an intermediate form, and that becomes code."""
 
 import lazy_loader
 

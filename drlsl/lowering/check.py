@@ -1,4 +1,4 @@
-"""What can be said of a rule program before it runs: which tier runs each predicate, and what looks wrong."""
+"""Check a rule program before it runs: the tiers of each predicate, and findings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Indicator = tuple[str, int]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that looks wrong: where, and what. An `error` will raise or be wrong when it is reached."""
+    """A finding: its place, and the problem. An `error` will raise or be wrong when it is reached."""
 
     place: str
     message: str
@@ -30,10 +30,11 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class PredicateReport:
-    """Where a predicate can run besides the interpreter, which runs every one.
+    """The tiers of a predicate besides the interpreter, which runs every one.
 
-    `refused` says why generated code cannot run it, None where it can. `scalar_answer` and `array_answer` say
-    why its arguments cannot be asked for in that form; it can still be a part of other answers.
+    `refused` is the reason why generated code cannot run it, None if it can. `scalar_answer` and
+    `array_answer` are the reasons why it cannot be a query of its own in that form; it can still be a part of
+    others.
     """
 
     name: str
@@ -45,15 +46,15 @@ class PredicateReport:
 
     @property
     def indicator(self) -> str:
-        """Name and arity as people write them."""
+        """Name and arity, such as ``left_is_safe/0``."""
         return f"{self.name}/{self.arity}"
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What `check_program` found: every predicate, what looks wrong, and what no rule calls.
+    """The results of `check_program`: every predicate, the findings, and the predicates that no rule calls.
 
-    `doubts` has the queries that generated code leaves to the interpreter in some scenes, and why.
+    `doubts` has the queries that generated code leaves to the interpreter in some scenes, with the reasons.
     """
 
     predicates: tuple[PredicateReport, ...]
@@ -63,7 +64,7 @@ class Report:
 
 
 def check_program(engine: Engine, schema: Schema, asked: Sequence[Query] = ()) -> Report:
-    """Check a loaded program; `asked` are the queries that it gets from outside."""
+    """Check a loaded program; `asked` are its queries from outside."""
     rules = [
         predicate
         for key, predicate in engine.program.predicates.items()
@@ -112,7 +113,7 @@ def _tiers(engine: Engine, schema: Schema, predicate: Predicate) -> PredicateRep
 
 
 def _doubts(engine: Engine, schema: Schema, query: Query) -> tuple[Doubt, ...]:
-    """Why a query can be undecided; nothing where it cannot, or where only the interpreter runs it."""
+    """Return the reasons why a query can be undecided; none if it cannot, or only the interpreter runs it."""
     try:
         lowered = lower(engine, schema, [query])
     except NotLowerable:
@@ -121,9 +122,9 @@ def _doubts(engine: Engine, schema: Schema, query: Query) -> tuple[Doubt, ...]:
 
 
 def _reasons(lowered: Lowered) -> Iterator[Doubt]:
-    """The doubts whose conditions are a part of what makes the only answer undecided.
+    """Yield the doubts whose conditions make the only answer undecided.
 
-    Conditions are compared but for their loops, which are numbered anew when a quantifier binds them.
+    Conditions are compared up to their loops, which are renumbered when a quantifier binds them.
     """
     (answer,) = lowered.answers
     if answer.undecided is lowered.pool.false:
@@ -146,7 +147,7 @@ def _reasons(lowered: Lowered) -> Iterator[Doubt]:
 
 
 def _tests(cond: Node) -> Iterator[Node]:
-    """The comparisons that a condition is made of."""
+    """Yield the comparisons in a condition."""
     if cond.op in ("not", "and", "or"):
         for arg in cond.args:
             yield from _tests(arg)
@@ -162,7 +163,7 @@ def _place(clause: Clause) -> str:
 
 
 def _goals(body: Term) -> Iterator[tuple[Indicator, Term]]:
-    """The goals of a body, those inside others included."""
+    """Yield the goals of a body, including nested ones."""
     body = deref(body)
     if isinstance(body, Atom):
         yield (body.name, 0), body
@@ -222,7 +223,7 @@ def _cuts_at_once(clause: Clause) -> bool:
 
 
 def _floundering(clause: Clause) -> Iterator[Finding]:
-    """Negations of goals with a variable that only a later goal binds."""
+    """Yield negations of goals with a variable that only a later goal binds."""
     bound = set(term_variables(clause.head))
     goals = list(_conjunction(clause.body))
     for number, goal in enumerate(goals):

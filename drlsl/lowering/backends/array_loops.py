@@ -1,7 +1,7 @@
 """Loops over the rows of arrays: the text of one function that goes through scene after scene.
 
-Every relation is a table for each scene: columns of shape (tables, rows), or (tables,) where it is single, a
-mask of the rows that are there, and which table is which scene's. A row is its place.
+Every relation is a table for each scene: columns of shape (tables, rows), or (tables,) for a single relation,
+a mask of the existing rows, and the index of each scene's table. A row is represented by its place.
 """
 
 from __future__ import annotations
@@ -61,21 +61,21 @@ class Given:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """In the order of the function's."""
+        """The parameters, in the order of the function's."""
         return (*self.columns.values(), self.valid, self.index)
 
     @property
     def shape(self) -> Parameter:
-        """The array that tells the number of tables and rows."""
+        """The array with the number of tables and rows."""
         return next(iter(self.columns.values()), self.valid)
 
 
 class ArrayLoopPrinter(LoopPrinter):
     """Writes the function for one lowered program.
 
-    `codes` gives each atom the integer that stands for it. `given` are the parameters for the facts, by
-    relation; behind them come `undecided` and `outputs`, of each form its value and, unless it is `holds`,
-    the mask of the scenes in which it fails.
+    `codes` gives the integer of each atom. `given` are the parameters for the facts, by relation; they are
+    followed by `undecided` and `outputs`: for each form its value and, unless it is `holds`, the mask of the
+    scenes in which it fails.
     """
 
     twice: ClassVar[Collection[str]] = ()
@@ -134,14 +134,14 @@ class ArrayLoopPrinter(LoopPrinter):
 
     @property
     def results(self) -> Sequence[Parameter]:
-        """What the function fills, in order."""
+        """The parameters that the function fills, in order."""
         undecided = Parameter("undecided", "bool", 1, blank="True")
         return [undecided, *(parameter for output in self.outputs for parameter in output)]
 
     # ---------------------------------------------------------------- the function
 
     def module(self) -> str:
-        """The text of the function."""
+        """Return the text of the function."""
         self._check_shapes()
         self.write("scenes = undecided.shape[0]")
         for given in self.given.values():
@@ -291,7 +291,7 @@ class ArrayLoopPrinter(LoopPrinter):
         return relation_of(loop).capacity > SMALL
 
     def visit(self, items: Sequence[Item]) -> None:
-        # Which conditions a row meets is hard to foresee, and a wrong guess costs the processor more than
+        # Which conditions a row meets is hard to predict, and a wrong guess costs the processor more than
         # computing what is not needed: only what all items have in common is worth a jump.
         if not self._is_flat(items):
             super().visit(items)
@@ -305,7 +305,7 @@ class ArrayLoopPrinter(LoopPrinter):
             self._update_all([item.without(common) for item in items])
 
     def _is_flat(self, items: Sequence[Item]) -> bool:
-        """Whether it costs little to compute what the items need in every row."""
+        """Return whether it is cheap to compute the values that the items need in every row."""
         if len(items) == 1 and items[0].node.op in ("any", "first") and self.leaves(items[0].node.loop):
             return False
         parts = reach([node for item in items for node in (*item.conds, *item.values)], self.known)
@@ -325,7 +325,7 @@ class ArrayLoopPrinter(LoopPrinter):
         return " & ".join(self.text(cond, strength) for cond in conds) or "True"
 
     def _update(self, item: Item, cond: str) -> None:
-        """Do what an item says where the condition holds, without a jump."""
+        """Perform an item if the condition holds, without a jump."""
         node, name = item.node, self.known[item.node]
         both = "" if cond == "True" else f"({cond}) & "
         if node.op == "any":
@@ -349,7 +349,7 @@ class ArrayLoopPrinter(LoopPrinter):
     # ---------------------------------------------------------------- values
 
     def truth(self, node: Node) -> tuple[str, int]:
-        # what costs little is computed rather than jumped over: fewer blocks are sooner compiled, and as fast
+        # cheap values are computed rather than jumped over: fewer blocks compile sooner, and are as fast
         if node.op in ("and", "or"):
             sign, own = (" & ", 9) if node.op == "and" else (" | ", 7)
             return sign.join(self.text(arg, own + 1) for arg in node.args), own
@@ -380,7 +380,7 @@ class ArrayLoopPrinter(LoopPrinter):
         return super().assign(node)
 
     def _place(self, node: Node) -> str:
-        """The variable for the place of the row that a lookup asks for."""
+        """Return the variable for the place of the row of a lookup."""
         place = self.pool.make("first", "index", node.args)
         return self.known.get(place) or super().assign(place)
 

@@ -65,15 +65,15 @@ _LEAVES: Final = frozenset({"const", "loop", "facts", "others", "row"})
 class ArrayPrinter:
     """Writes the function for one lowered program.
 
-    `codes` gives each atom of the program the integer that stands for it in arrays. `columns` are those that
-    the function reads, by relation. `shapes` says of each `first` query whether its numbers are all integers
-    or atoms, and whether it is one number instead of several.
+    `codes` gives the integer of each atom of the program. `columns` are those that the function reads, by
+    relation. `shapes` says for each `first` query whether its numbers are all integers or atoms, and whether
+    it is one number instead of several.
     """
 
     def __init__(self, lowered: Lowered) -> None:
         self.lowered = lowered
         self.pool: Pool = lowered.pool
-        self.columns: dict[Relation, set[int]] = {}  # what the function reads
+        self.columns: dict[Relation, set[int]] = {}  # the inputs of the function
         forms = array_forms(lowered)
         self.shapes = {
             str(form.query): (form.exact, form.plain) for form in forms if form.query.mode == "first"
@@ -99,7 +99,7 @@ class ArrayPrinter:
     # ---------------------------------------------------------------- structure
 
     def _operands(self, node: Node) -> tuple[Node, ...]:
-        """What the text of a node is made of."""
+        """Return the nodes in the text of a node."""
         if node.op == "and":
             return (self._masks.of(conjuncts(node)),)
         if node in self._sparse:
@@ -118,12 +118,12 @@ class ArrayPrinter:
         return () if node.op in _LEAVES else node.args
 
     def _picked(self, loop: Node) -> tuple[Node, ...]:
-        """The rows that were picked out for a loop, if they were."""
+        """Return the rows that were picked out for a loop, if they were."""
         rows = loop.args[0]
         return (rows,) if rows.op == "where" and _is_small(rows) else ()
 
     def _selected(self, loop: Node) -> tuple[Node, ...]:
-        """The mask of the rows that a loop visits, where they were not picked out."""
+        """Return the mask of the rows that a loop visits, unless they were picked out."""
         rows = loop.args[0]
         return (rows,) if rows.op == "where" and not _is_small(rows) else ()
 
@@ -132,7 +132,7 @@ class ArrayPrinter:
         return self._masks.of(parts)
 
     def _find_twins(self) -> dict[Node, Node]:
-        """For an existential quantifier, the extreme over the same rows: it is finite where there is one."""
+        """Return for existential quantifiers the extreme over the same rows, finite if there is one."""
         extremes = {
             mask_parts(self.pool, node): node
             for node in reach(self._results)
@@ -160,7 +160,7 @@ class ArrayPrinter:
     # ---------------------------------------------------------------- the function
 
     def module(self) -> str:
-        """The text of the function."""
+        """Return the text of the function."""
         for node in self._order:
             if node.op in _LEAVES or node in self._known:
                 continue
@@ -190,7 +190,7 @@ class ArrayPrinter:
         self._line(f"{name} = {text}")
 
     def _stack(self, results: Sequence[Node]) -> None:
-        """Compute results that are alike in one go, as the rows of one array."""
+        """Compute similar results at once, as the rows of one array."""
         alike: dict[object, list[Node]] = {}
         for node in dict.fromkeys(results):
             if node not in self._known and node.op == "select" and not node.free:
@@ -203,13 +203,13 @@ class ArrayPrinter:
                     self._known[node] = f"{name}[{place}]"
 
     def _shape(self, node: Node) -> object:
-        """What a value is computed like, whatever it is computed from."""
+        """Return a key that is equal for values computed by the same operations."""
         if node in self._known or node.free or node.op not in _STACKABLE:
             return node if node.is_const else node.kind
         return node.op, node.data, tuple(self._shape(arg) for arg in self._operands(node))
 
     def _stacked(self, nodes: Sequence[Node], known: dict[tuple[Node, ...], str]) -> str:
-        """The text of values alike, one per row; a value that all have in common stays one row."""
+        """Return the text of similar values, one per row; a common value stays one row."""
         first, key = nodes[0], tuple(nodes)
         if all(node is first for node in nodes):
             return self._text(first, _ATOMIC)
@@ -225,7 +225,7 @@ class ArrayPrinter:
         return known[key]
 
     def _combined(self, node: Node, args: Sequence[str]) -> str:
-        """The operation of a node on the texts of its operands."""
+        """Return the operation of a node on the texts of its operands."""
         if _is_by_constant(node):
             return f"xp.divide({', '.join(args)})"
         if node.op in _INFIX:
@@ -237,7 +237,7 @@ class ArrayPrinter:
         return f"xp.{_CALLS[node.op]}({', '.join(args)})"
 
     def _assign_sparse(self, node: Node) -> None:
-        """A quantifier whose costly parts are computed only for the rows that pass the cheap ones."""
+        """Assign a quantifier whose costly parts are computed only for rows that pass the cheap ones."""
         plan, mask = self._sparse[node], self._mask(node)
         rows = self._selections.get(mask)
         if rows is None:
@@ -273,7 +273,7 @@ class ArrayPrinter:
         self._line(f"{name} = {rows}.{_REDUCTIONS[node.op]}({arguments})")
 
     def _forgetting(self) -> list[str]:
-        """The lines, with every array let go of behind its last use: what stays is what fits the cache."""
+        """Return the lines, with every array deleted after its last use, so that the others fit the cache."""
         last: dict[str, int] = {}
         for number, line in enumerate(self._lines):
             for word in _words(line):
@@ -307,7 +307,7 @@ class ArrayPrinter:
         return tuple(sorted(node.free, key=lambda loop: loop.data))
 
     def _aligned(self, node: Node, target: Sequence[Node], strength: int) -> str:
-        """An operand with an axis of length 1 for every axis that it lacks behind one that it has."""
+        """Return an operand with an axis of length 1 for each missing axis behind an existing one."""
         own = self._axes(node)
         if self._flat:
             return self._text(node, strength)
@@ -354,7 +354,7 @@ class ArrayPrinter:
             return f"xp.positions({valid}, {int(_ranges_over_others(node))})", _ATOMIC
         axes = self._axes(node)
         if node.op == "div" and node.args[1].is_const and math.frexp(node.args[1].data)[0] == 0.5:
-            # by a power of two: the product is the same number, and comes sooner
+            # by a power of two: the product is the same number, and is faster
             return f"{self._text(node.args[0], 12)} * {1.0 / node.args[1].data!r}", 12
         if _is_by_constant(node):
             return f"xp.divide({', '.join(self._aligned(arg, axes, _LOOSE) for arg in node.args)})", _ATOMIC
@@ -447,7 +447,7 @@ def _is_small(rows: Node) -> bool:
 
 
 def _is_by_constant(node: Node) -> bool:
-    """Whether a division has a constant in it, which not every library divides by as by a number."""
+    """Return whether a division has a constant operand, which some libraries treat differently."""
     return node.op == "div" and any(arg.is_const for arg in node.args)
 
 

@@ -1,7 +1,7 @@
-"""What the back ends for many scenes have in common: facts as arrays in, answers as arrays out.
+"""The common part of the back ends for many scenes: facts as arrays in, answers as arrays out.
 
-An array is of whatever library the back end uses. Here stands what needs none: the checks of shapes, the
-codes of atoms, the scenes in chunks.
+An array is one of the back end's library. This module holds the parts that are independent of it: the checks
+of shapes, the codes of atoms, the scenes in chunks.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ Facts: TypeAlias = "Mapping[tuple[str, int], Rows | Table]"
 class Rows:
     """The rows of one relation in N scenes.
 
-    `columns` has an array for each column, or None for one that is not used: of shape (N, K), or (1, K) where
+    `columns` has an array for each column, or None for one that is not used: of shape (N, K), or (1, K) if
     all scenes share them; for a single relation (N,) or (1,). `valid`, of the same shape, marks the rows that
-    are there; None where all are. Columns of integers and atoms hold integers, see `BatchProgram.code`.
+    exist; None if all do. Columns of integers and atoms hold integers, see `BatchProgram.code`.
     With `index`, shape (N,), N counts tables instead, and scene n has the rows of table `index[n]`.
     """
 
@@ -39,14 +39,14 @@ class Rows:
 
     @property
     def scenes(self) -> int:
-        """N, or 1 where all scenes share the rows."""
+        """N, or 1 if all scenes share the rows."""
         if self.index is not None:
             return len(self.index)
         return _common(array.shape[0] for array in (*self.columns, self.valid) if array is not None)
 
 
 def _common(lengths: Iterable[int]) -> int:
-    """The length of an axis that arrays share; those of length 1 fit any."""
+    """Return the common length of an axis of arrays; length 1 fits any."""
     return next((length for length in lengths if length != 1), 1)
 
 
@@ -56,7 +56,7 @@ class BatchAnswer(Generic[A]):
 
     `value`: for `holds` (N,) bool; for `first` the argument (N,), or (N, n) for a list or for n arguments;
     for `set` and `all` (N, n) bool, for each value of `BatchProgram.choices` whether it is a solution.
-    `fails` (N,): there is no solution, and `value` means nothing.
+    `fails` (N,): there is no solution, and `value` is undefined.
     """
 
     value: A
@@ -65,7 +65,7 @@ class BatchAnswer(Generic[A]):
 
 @dataclass(frozen=True, slots=True)
 class BatchResult(Generic[A]):
-    """The answers to all queries; where `undecided` (N,) is set ask the interpreter instead."""
+    """The answers to all queries; where `undecided` (N,) is set, query the interpreter instead."""
 
     answers: tuple[BatchAnswer[A], ...]
     undecided: A
@@ -77,7 +77,7 @@ class BatchProgram(ABC, Generic[A]):
     def __init__(
         self, lowered: Lowered, codes: dict[str, int], columns: Mapping[Relation, Collection[int]]
     ) -> None:
-        """`codes` are those of the program's atoms, `columns` what it reads of each relation."""
+        """Prepare a program with its atoms' `codes` and the `columns` that it reads of each relation."""
         self._codes = codes
         self._columns = {
             (relation.name, relation.arity): (relation, tuple(sorted(used)))
@@ -92,11 +92,11 @@ class BatchProgram(ABC, Generic[A]):
         }
 
     def code(self, atom: str) -> int:
-        """The integer that stands for an atom in arrays."""
+        """Return the integer of an atom in arrays."""
         return self._codes.setdefault(atom, len(self._codes))
 
     def atom(self, code: int) -> str:
-        """The atom that an integer stands for."""
+        """Return the atom of an integer."""
         return list(self._codes)[code]
 
     @property
@@ -105,12 +105,12 @@ class BatchProgram(ABC, Generic[A]):
         return self._columns.keys()
 
     def columns_read(self, name: str, arity: int) -> Sequence[int]:
-        """The columns of a relation that the program reads; the others may be None."""
+        """Return the columns of a relation that the program reads; the others may be None."""
         return self._columns[name, arity][1] if (name, arity) in self._columns else ()
 
     @abstractmethod
     def table(self, name: str, arity: int, rows: Rows) -> Any:
-        """The rows of a relation made ready, for facts that stay the same from call to call.
+        """Return the rows of a relation, prepared for facts that stay the same from call to call.
 
         Raises:
             ValueError: a column is missing, or of another shape or kind.
@@ -118,7 +118,7 @@ class BatchProgram(ABC, Generic[A]):
 
     @abstractmethod
     def __call__(self, facts: Any) -> BatchResult[A]:
-        """The answers for the facts of N scenes, by name and arity."""
+        """Return the answers for the facts of N scenes, by name and arity."""
 
 
 class TextProgram(BatchProgram[A]):
@@ -137,7 +137,7 @@ class TextProgram(BatchProgram[A]):
         self._bound = FLOAT_BOUND if precision == "float64" else FLOAT32_BOUND
 
     def table(self, name: str, arity: int, rows: Rows) -> Table:
-        """The rows of a relation made ready, for facts that stay the same from call to call.
+        """Return the rows of a relation, prepared for facts that stay the same from call to call.
 
         Raises:
             ValueError: a column is missing, or of another shape or kind.
@@ -147,7 +147,7 @@ class TextProgram(BatchProgram[A]):
         return table
 
     def __call__(self, facts: Facts) -> BatchResult[A]:
-        """The answers for the facts of N scenes.
+        """Return the answers for the facts of N scenes.
 
         Raises:
             ValueError: a relation or a column is missing, or the shapes or kinds do not fit.
@@ -166,7 +166,7 @@ class TextProgram(BatchProgram[A]):
 
     @abstractmethod
     def _table(self, relation: Relation, used: Sequence[int], rows: Rows) -> Table:
-        """The rows in the form that the program reads."""
+        """Return the rows in the form that the program reads."""
 
     def _answers(self, tables: Mapping[Any, Table], scenes: int) -> BatchResult[A]:
         most = self._most_scenes(scenes)
@@ -188,7 +188,7 @@ class TextProgram(BatchProgram[A]):
         return BatchResult(answers, self._joined([chunk.undecided for chunk in chunks]))
 
     def _chunk(self, tables: Mapping[Any, Table], scenes: int) -> BatchResult[A]:
-        """The answers for scenes that are computed together."""
+        """Return the answers for scenes that are computed together."""
         results = self._results(tables, scenes)
         undecided: Any = self._empty((scenes,), "bool")
         undecided[:] = next(results)[0]
@@ -214,7 +214,7 @@ class TextProgram(BatchProgram[A]):
         return BatchAnswer(value.T, ~value.any(axis=0))
 
     def _stacked(self, columns: Sequence[Any], scenes: int, kind: Kind) -> Any:
-        """Values of the scenes, some perhaps constant, as the rows of one array."""
+        """Return values of the scenes, some perhaps constant, as the rows of one array."""
         value: Any = self._empty((len(columns), scenes), kind)
         for place, column in enumerate(columns):
             value[place] = column
@@ -225,25 +225,25 @@ class TextProgram(BatchProgram[A]):
 
     @abstractmethod
     def _ops(self, scenes: int) -> Any:
-        """What the text calls."""
+        """Return the operations that the text calls."""
 
     @abstractmethod
     def _most_scenes(self, scenes: int) -> int:
-        """How many of `scenes` scenes to answer together."""
+        """Return the number of `scenes` scenes to answer together."""
 
     @abstractmethod
     def _empty(self, shape: tuple[int, ...], kind: Kind) -> A:
-        """An array to be filled."""
+        """Return an array to be filled."""
 
     @abstractmethod
     def _joined(self, parts: Sequence[A]) -> A:
-        """Arrays one behind the other along the first axis."""
+        """Return the concatenation of arrays along the first axis."""
 
 
 class Table(ABC):
     """The columns of one relation that are read: rows along the first axis, scenes along the last.
 
-    `scenes` is their number, 1 where all share the rows; `valid` marks the rows that are there.
+    `scenes` is their number, 1 if all share the rows; `valid` marks the rows that exist.
     """
 
     __slots__ = ("_always_there", "_bound", "_columns", "_is_sound", "_relation", "scenes", "valid")
@@ -257,7 +257,7 @@ class Table(ABC):
         for place in used:
             column = rows.columns[place]
             if column is None:
-                raise ValueError(f"the rules read column {place} of {self}, which is not given")
+                raise ValueError(f"the rules read column {place} of {self}, which is missing")
             kind: Kind = "float" if relation.columns[place] == "float" else "int"
             if not self._is_of(column, kind):
                 raise ValueError(
@@ -311,15 +311,15 @@ class Table(ABC):
         self.scenes = len(index)
 
     def _placed(self, index: Any) -> Any:
-        """An index where the columns are."""
+        """Return an index on the device of the columns."""
         return index
 
     def _gathered(self, column: Any, index: Any) -> Any:
-        """A column's rows in the order of `index`; rows that all tables share stay shared."""
+        """Return a column's rows in the order of `index`; rows that all tables share stay shared."""
         return column if column.shape[1] == 1 else column[:, index]
 
     def _pad(self) -> None:
-        """Have at least one row to reduce over."""
+        """Add a row if there is none, so that reductions are defined."""
         missing = (1 if self._relation.first is None else 2) - self.valid.shape[0]
         if missing > 0:
             self.valid = self._with_rows(self.valid, missing)
@@ -328,11 +328,11 @@ class Table(ABC):
             }
 
     def column(self, place: int) -> Any:
-        """One column."""
+        """Return one column."""
         return self._columns[place]
 
     def part(self, start: int, stop: int) -> Table:
-        """The table for some of the scenes."""
+        """Return the table for some of the scenes."""
         if self.scenes == 1:
             return self
         result = copy.copy(self)
@@ -345,11 +345,11 @@ class Table(ABC):
         return column if column.shape[1] == 1 else column[:, start:stop]
 
     def look(self) -> None:
-        """Look once whether all is as the schema says: `doubt` costs nothing then."""
+        """Check once whether all facts conform to the schema: `doubt` is then free."""
         self._is_sound = self.scenes == 0 or self._looks_sound()
 
     def _looks_sound(self) -> bool:
-        """Whether a quick look already shows that all is as the schema says."""
+        """Return whether a quick check already shows that all facts conform to the schema."""
         relation = self._relation
         for place, column in self._columns.items():
             if not self._within(column, "float" if relation.columns[place] == "float" else "int"):
@@ -363,7 +363,7 @@ class Table(ABC):
         return True
 
     def doubt(self, undecided: Any) -> None:
-        """Mark the scenes whose facts are not what the schema says."""
+        """Mark the scenes whose facts do not conform to the schema."""
         if self._is_sound:
             return
         relation = self._relation
@@ -380,24 +380,24 @@ class Table(ABC):
 
     @abstractmethod
     def _is_of(self, column: Any, kind: Kind) -> bool:
-        """Whether a column's numbers are of that kind, or become so without a loss that matters."""
+        """Return whether a column's numbers are of that kind, or can be converted without a relevant loss."""
 
     @abstractmethod
     def _converted(self, column: Any, kind: Kind) -> Any:
-        """A column in the form that the program reads."""
+        """Return a column in the form that the program reads."""
 
     @abstractmethod
     def _all_there(self, height: int) -> Any:
-        """The mask of that many rows, which every scene has."""
+        """Return the mask of that many rows, all existing."""
 
     @abstractmethod
     def _with_rows(self, column: Any, missing: int) -> Any:
-        """A column with rows of zeros behind."""
+        """Return a column with rows of zeros appended."""
 
     @abstractmethod
     def _within(self, column: Any, kind: Kind) -> bool:
-        """Whether a quick look already shows that a column has no number that is too large, or none."""
+        """Return whether a quick check already shows that a column has no NaN and no number too large."""
 
     @abstractmethod
     def _repeats(self, keys: Any) -> Any:
-        """The scenes in which two rows that are there have one key."""
+        """Return the scenes in which two existing rows have the same key."""

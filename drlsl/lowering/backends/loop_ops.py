@@ -1,7 +1,7 @@
-"""What loops over the rows of arrays call: plain Python that a just-in-time compiler reads too.
+"""The functions called by loops over the rows of arrays: plain Python, also readable for a compiler.
 
-Every function is total. A table is a line of an array (tables, rows), or an element where the relation is
-single; a place of -1 stands for no row.
+Every function is total. A table is a line of an array (tables, rows), or an element for a single relation; a
+place of -1 stands for no row.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from drlsl.lowering.backends.numpy_ops import Array, Mask
 from drlsl.lowering.ir import FLOAT_BOUND, FUNCTIONS, INT_BOUND, sign, truncated
 
 NO_INTEGER: Final = 2**63 - 1
-"""Beyond every integer that counts."""
+"""Beyond every valid integer."""
 
 
 # ---------------------------------------------------------------- facts
 
 
 def filled(valid: Mask, column: Array) -> Mask:
-    """`valid`, or where it is empty the mask of all rows."""
+    """Return `valid` or, if it is empty, the mask of all rows."""
     return np.ones(column.shape, dtype=np.bool_) if valid.size == 0 else valid
 
 
 def alike(one: Array, other: Array) -> bool:
-    """Whether two arrays have as many tables and rows."""
+    """Return whether two arrays have equally many tables and rows."""
     return bool((one.shape[0] == other.shape[0]) & (one.shape[1] == other.shape[1]))
 
 
 def fits(tables: int, index: Array, scenes: int) -> bool:
-    """Whether every scene has a table."""
+    """Return whether every scene has a table."""
     if index.size == 0:
         return tables == 1 or tables == scenes
     if index.size != scenes:
@@ -45,24 +45,24 @@ def fits(tables: int, index: Array, scenes: int) -> bool:
 
 
 def table_of(scene: int, tables: int, index: Array) -> int:
-    """The table of a scene."""
+    """Return the table of a scene."""
     if index.size > 0:
         return int(index[scene])
     return scene if tables > 1 else 0
 
 
 def is_sound_float(value: float) -> bool:
-    """Whether a float is within bounds."""
+    """Return whether a float is within bounds."""
     return abs(value) <= FLOAT_BOUND
 
 
 def is_sound_integer(value: int) -> bool:
-    """Whether an integer is within bounds."""
+    """Return whether an integer is within bounds."""
     return (value >= -INT_BOUND) & (value <= INT_BOUND)
 
 
 def floats_are_sound(column: Array, valid: Mask, table: int) -> bool:
-    """Whether the floats of the rows that are there are within bounds."""
+    """Return whether the floats of the existing rows are within bounds."""
     sound = True
     for row in range(column.shape[1]):
         sound &= is_sound_float(column[table, row]) | (not valid[table, row])
@@ -70,7 +70,7 @@ def floats_are_sound(column: Array, valid: Mask, table: int) -> bool:
 
 
 def integers_are_sound(column: Array, valid: Mask, table: int) -> bool:
-    """Whether the integers of the rows that are there are within bounds."""
+    """Return whether the integers of the existing rows are within bounds."""
     sound = True
     for row in range(column.shape[1]):
         sound &= is_sound_integer(column[table, row]) | (not valid[table, row])
@@ -78,7 +78,7 @@ def integers_are_sound(column: Array, valid: Mask, table: int) -> bool:
 
 
 def keys_differ(keys: Array, valid: Mask, table: int) -> bool:
-    """Whether no two rows that are there have one key."""
+    """Return whether no two existing rows have the same key."""
     rows = keys.shape[1]
     ascending = True
     for row in range(1, rows):
@@ -94,7 +94,7 @@ def keys_differ(keys: Array, valid: Mask, table: int) -> bool:
 
 
 def place_of(key: int, keys: Array, valid: Mask, table: int) -> int:
-    """The place of the row with that key."""
+    """Return the place of the row with that key."""
     for row in range(keys.shape[1]):
         if keys[table, row] == key and valid[table, row]:
             return row
@@ -102,12 +102,12 @@ def place_of(key: int, keys: Array, valid: Mask, table: int) -> int:
 
 
 def places(rows: int) -> Array:
-    """Room for the places of so many rows."""
+    """Return an array for the places of `rows` rows."""
     return np.empty(rows, dtype=np.int64)
 
 
 def blank(line: Array, scene: int, value: float) -> None:
-    """Fill what belongs to a scene."""
+    """Fill a scene's elements."""
     for place in range(line.shape[1]):
         line[scene, place] = value
 
@@ -116,66 +116,66 @@ def blank(line: Array, scene: int, value: float) -> None:
 
 
 def choose(cond: bool, then: float, els: float) -> float:
-    """One or the other."""
+    """Return `then` if the condition holds, else `els`."""
     return then if cond else els
 
 
 def lesser(left: float, right: float) -> float:
-    """The lesser of two numbers; of equal ones the right, as in Prolog: it shows in the sign of a zero."""
+    """Return the lesser number; of equal ones the right, as in Prolog (visible in the sign of a zero)."""
     return left if left < right else right
 
 
 def greater(left: float, right: float) -> float:
-    """The greater of two numbers; of equal ones the left, as in Prolog."""
+    """Return the greater of two numbers; of equal ones the left, as in Prolog."""
     return left if left >= right else right
 
 
 def quotient(left: float, right: float) -> float:
-    """Division; NaN for a zero divisor."""
+    """Return the quotient; NaN for a zero divisor."""
     return left / right if right != 0.0 else math.nan
 
 
 def root(value: float) -> float:
-    """The square root; NaN where there is none."""
+    """Return the square root; NaN if it is undefined."""
     return math.sqrt(value) if value >= 0.0 else math.nan
 
 
 def floor(value: float) -> int:
-    """The integer not above; 0 where it is out of bounds."""
+    """Return the integer not above; 0 if it is out of bounds."""
     return math.floor(value) if -INT_BOUND <= value <= INT_BOUND else 0
 
 
 def ceiling(value: float) -> int:
-    """The integer not below; 0 where it is out of bounds."""
+    """Return the integer not below; 0 if it is out of bounds."""
     return math.ceil(value) if -INT_BOUND <= value <= INT_BOUND else 0
 
 
 def truncate(value: float) -> int:
-    """The integer toward zero; 0 where it is out of bounds."""
+    """Return the integer toward zero; 0 if it is out of bounds."""
     return int(value) if -INT_BOUND <= value <= INT_BOUND else 0
 
 
 def nearest(value: float) -> int:
-    """The nearest integer, a half upward in magnitude; 0 where it is out of bounds."""
+    """Return the nearest integer, a half upward in magnitude; 0 if it is out of bounds."""
     whole = floor(value)
     rest = value - whole
     return whole + 1 if rest > 0.5 or (rest == 0.5 and value > 0.0) else whole
 
 
 def floor_quotient(left: int, right: int) -> int:
-    """Integer division downward; 0 for a zero divisor. By -1 the processor could not divide every integer."""
+    """Return integer division downward; 0 for a zero divisor. Division by -1 may overflow the processor's."""
     if right == -1:
         return -left
     return left // right if right != 0 else 0
 
 
 def floor_rest(left: int, right: int) -> int:
-    """The rest of that division."""
+    """Return the remainder of that division."""
     return left % right if right not in (0, -1) else 0
 
 
 def integer_sign(value: int) -> int:
-    """1, 0 or -1."""
+    """Return 1, 0 or -1."""
     return 1 if value > 0 else -1 if value < 0 else 0
 
 
@@ -188,12 +188,12 @@ OPS: Final[dict[str, Callable[..., Any]]] = {
         *(floor_quotient, floor_rest, integer_sign, sign, truncated),
     )
 }
-"""By the name that generated code knows."""
+"""Operations by their name in generated code."""
 
 MATH: Final[dict[str, Callable[..., float]]] = {
     f"math_{name}": function for name, function in FUNCTIONS.items()
 }
-"""Functions of the C library, by the name that generated code knows."""
+"""Functions of the C library, by their name in generated code."""
 
 CALLED: Final[dict[str, Any]] = {**OPS, **MATH, "inf": math.inf, "nan": math.nan}
-"""What the text of `ArrayLoopPrinter` knows."""
+"""The names that the text of `ArrayLoopPrinter` uses."""

@@ -1,7 +1,7 @@
-"""Code with loops over rows, its values computed once: what back ends that write such code have in common.
+"""The common part of back ends that write loops over rows, with each value computed once.
 
 Quantifiers over the same rows that do not depend on each other share one loop; within it their conditions
-share their tests. All values are total (see `numbers.py`), so a value that several places use may be computed
+share their tests. All values are total (see `numbers.py`), so a value used in several places may be computed
 before any of them.
 """
 
@@ -22,7 +22,7 @@ _TRIVIAL: Final = frozenset({"const", "col", "loop", "row", "facts", "others", "
 
 @dataclass(slots=True)
 class _Loop:
-    """What one loop over `rows` computes."""
+    """The nodes that one loop over `rows` computes."""
 
     rows: Node
     members: list[Node] = field(default_factory=list)
@@ -30,7 +30,7 @@ class _Loop:
 
 @dataclass(slots=True)
 class Item:
-    """What a loop does with a row that meets conditions, tested in order.
+    """The action of a loop on a row that meets conditions, tested in order.
 
     It computes `node`; `best` is the variable of the least or greatest value so far.
     """
@@ -42,12 +42,12 @@ class Item:
     best: str = ""
 
     def without(self, conds: Sequence[Node]) -> Item:
-        """The same where these conditions are known to hold."""
+        """Return the same item, given that these conditions hold."""
         return replace(self, conds=tuple(cond for cond in self.conds if cond not in conds))
 
 
 class LoopPrinter(PythonText):
-    """Writes a function that computes some nodes, row by row. How rows are kept is left to a subclass."""
+    """Writes a function that computes some nodes, row by row. Subclasses define how rows are stored."""
 
     def __init__(self, pool: Pool, names: Names, roots: Sequence[Node]) -> None:
         super().__init__(names)
@@ -62,34 +62,34 @@ class LoopPrinter(PythonText):
 
     @abstractmethod
     def head(self, rows: Node, row: str) -> Sequence[str]:
-        """A loop in which `row` is each of the rows in turn: its first line, and what it begins with."""
+        """Return the first lines of a loop in which `row` is each of the rows in turn."""
 
     @abstractmethod
     def unpack(self, index: Node) -> None:
-        """Give names to the columns of a row that are used."""
+        """Name the columns of a row that are used."""
 
     @abstractmethod
     def choose_rows(self, name: str, node: Node) -> Callable[[str], None]:
-        """Begin a selection of rows: what adds a row to it."""
+        """Begin a selection of rows; return the function that adds a row to it."""
 
     @abstractmethod
     def is_none(self, name: str, relation: Relation) -> str:
-        """The test whether a variable stands for no row."""
+        """Return the test whether a variable stands for no row."""
 
     def is_dear(self, node: Node) -> bool:
-        """Whether a value gets a variable even if it is used once."""
+        """Return whether a value gets a variable even if it is used once."""
         return False
 
     def leaves(self, loop: Node) -> bool:
-        """Whether a loop that looks for one row ends there."""
+        """Return whether a loop that searches one row ends there."""
         return True
 
     def no_value(self, value: Node, *, greatest: bool) -> str:
-        """A number that is beyond every value."""
+        """Return a number that is beyond every value."""
         return "inf" if greatest else "-inf"
 
     def column_name(self, node: Node) -> str:
-        """A variable for a column of a row."""
+        """Return a variable for a column of a row."""
         relation, column = node.data
         name = (
             relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
@@ -103,7 +103,7 @@ class LoopPrinter(PythonText):
 
     @contextmanager
     def block(self, head: str) -> Iterator[None]:
-        """An indented block; what it makes known is forgotten behind it."""
+        """Write an indented block; values named inside are forgotten after it."""
         self.write(head)
         outer = dict(self.known)
         self.depth += 1
@@ -113,7 +113,7 @@ class LoopPrinter(PythonText):
 
     @contextmanager
     def each(self, bound: Node, row: str) -> Iterator[None]:
-        """The block of a loop over rows."""
+        """Write the block of a loop over rows."""
         head, *first = self.head(bound.args[0], row)
         with self.block(head):
             for line in first:
@@ -123,7 +123,7 @@ class LoopPrinter(PythonText):
             yield
 
     def columns(self) -> dict[Relation, list[int]]:
-        """What is read: the columns of each relation."""
+        """Return the columns of each relation that are read."""
         found: dict[Relation, set[int]] = {}
         for node in self.reached:
             if node.op == "col":
@@ -140,7 +140,7 @@ class LoopPrinter(PythonText):
     # ---------------------------------------------------------------- loops
 
     def _stage(self, node: Node) -> int:
-        """How many loops, one after another, a value has to wait for."""
+        """Return the number of successive loops that a value depends on."""
         known = self.stages.get(node)
         if known is None:
             known = max((self._stage(arg) for arg in node.args), default=0)
@@ -150,7 +150,7 @@ class LoopPrinter(PythonText):
         return known
 
     def _loops(self) -> list[_Loop]:
-        """The loops over rows, as few as will do, in an order in which each finds what it needs."""
+        """Return the loops over rows, as few as possible, in an order of their dependencies."""
         waiting: dict[Node, list[Node]] = {}  # by the rows that they loop over
         latest: dict[Node, int] = {}
         for node in self.reached:
@@ -175,7 +175,7 @@ class LoopPrinter(PythonText):
         return [loops[key] for key in sorted(loops, key=lambda key: (key[0], key[1].order))]
 
     def _sweep(self, loop: _Loop) -> None:
-        """One loop for all its members."""
+        """Write one loop for all its members."""
         self._name_outside(loop.members)
         bound = self.pool.make("loop", "index", (loop.rows,), 0)
         items = [self._item(member) for member in loop.members]
@@ -191,7 +191,7 @@ class LoopPrinter(PythonText):
                 self.lines.append(last[: len(last) - len(last.lstrip())] + "break")
 
     def _name_outside(self, members: Sequence[Node]) -> None:
-        """Compute what the loop uses but does not change, before it."""
+        """Compute values that the loop uses but does not change, before it."""
         fixed = [
             node
             for member in members
@@ -206,7 +206,7 @@ class LoopPrinter(PythonText):
                 self.assign(node)
 
     def _item(self, node: Node) -> Item:
-        """What computes a quantifier or a selection of rows, row by row."""
+        """Return the item that computes a quantifier or a selection of rows, row by row."""
         name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, node.op)))
         parts = conjuncts(node.args[-1] if node.op == "where" else node.args[1])
         conds = tuple(sorted((part for part in parts if not part.is_const), key=is_costly))
@@ -253,7 +253,7 @@ class LoopPrinter(PythonText):
         return Item(node, conds, (value,), act, best)
 
     def visit(self, items: Sequence[Item]) -> None:
-        """Do what the items say, testing a condition that several begin with only once."""
+        """Write the items, testing a common first condition only once."""
         groups: dict[Node, list[Item]] = {}
         for item in items:
             if item.conds:
@@ -314,12 +314,12 @@ class LoopPrinter(PythonText):
                 self._nested(part)
 
     def _nested(self, node: Node) -> None:
-        """A loop inside a loop."""
+        """Write a loop inside a loop."""
         item = self._item(node)
         self._loop(node.args[0], [item], leave=node.op in ("any", "first"))
 
     def assign(self, node: Node) -> str:
-        """Give a value a variable."""
+        """Assign a value to a variable; return its name."""
         self.nested_quantifiers(node)
         text = self.text(node, CHOICE)
         name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
@@ -337,7 +337,7 @@ _HINTS: Final = {
 
 
 def _fixed_parts(node: Node) -> Iterator[Node]:
-    """The largest parts that depend on no loop."""
+    """Yield the largest parts that depend on no loop."""
     if not node.free:
         yield node
     else:
@@ -346,5 +346,5 @@ def _fixed_parts(node: Node) -> Iterator[Node]:
 
 
 def is_costly(node: Node) -> bool:
-    """Whether a condition needs a loop of its own."""
+    """Return whether a condition needs a loop of its own."""
     return any(part.op in QUANTIFIERS and not is_lookup(part) for part in reach([node]))

@@ -29,13 +29,13 @@ Facts = Mapping[tuple[str, int], Rows]
 
 
 def compile_numba(lowered: Lowered, folder: Path | None = None) -> NumbaProgram:
-    """The program that answers all queries for many scenes, or for one; its answers equal the interpreter's.
+    """Return the program that answers all queries for many scenes, or one, exactly as the interpreter.
 
-    The machine code is kept in `folder`, and loaded from there the next time; where that cannot be, a warning
-    is logged.
+    The machine code is kept in `folder`, and loaded from there the next time; if that is impossible, a
+    warning is logged.
 
     Raises:
-        ImportError: Numba is not there: install drlsl[fast].
+        ImportError: Numba is not installed: install drlsl[fast].
         NotLowerable: a query's answer has no form as an array.
     """
     from drlsl.lowering.backends.numba_compile import compiled
@@ -45,18 +45,18 @@ def compile_numba(lowered: Lowered, folder: Path | None = None) -> NumbaProgram:
 
 
 def numba_source(lowered: Lowered) -> str:
-    """The text of the function."""
+    """Return the text of the function."""
     return ArrayLoopPrinter(lowered).module()
 
 
 class NumbaProgram(BatchProgram[Array]):
     """A lowered program as machine code.
 
-    In a scene that is undecided nothing holds, every `first` and `set` fails, and floats are NaN.
+    In an undecided scene nothing holds, every `first` and `set` fails, and floats are NaN.
     """
 
     def __init__(self, lowered: Lowered, printer: ArrayLoopPrinter, function: Any) -> None:
-        """`function` is `printer`'s, compiled or not."""
+        """Take over `function`, that of `printer`, compiled or not."""
         columns = {relation: given.columns.keys() for relation, given in printer.given.items()}
         super().__init__(lowered, printer.codes, columns)
         self._function = function
@@ -70,7 +70,7 @@ class NumbaProgram(BatchProgram[Array]):
         ]
 
     def __call__(self, facts: Facts) -> ArrayResult:
-        """The answers for the facts of N scenes.
+        """Return the answers for the facts of N scenes.
 
         Arrays of float64, int64 and bool in C order are read as they are, others are copied.
 
@@ -87,17 +87,17 @@ class NumbaProgram(BatchProgram[Array]):
             IndexError,
             KeyError,
             TypeError,
-        ):  # nothing that machine code can take as it is
+        ):  # not an array that machine code can read directly
             pass
         ready = {key: self._ready(given, facts.get(key)) for key, given in self._given.items()}
         scenes = _common_scenes({**facts, **ready})
         result, outputs = self._blank(scenes)
         if not self._function(*self._flat(ready)[0], *outputs):
-            raise AssertionError("facts that were made ready do not fit")
+            raise AssertionError("prepared facts do not fit")
         return result
 
     def table(self, name: str, arity: int, rows: Rows) -> Rows:
-        """The rows of a relation in the form that is read without a copy.
+        """Return the rows of a relation in the form that is read without a copy.
 
         Raises:
             ValueError: a column is missing, or of another shape or kind.
@@ -105,7 +105,7 @@ class NumbaProgram(BatchProgram[Array]):
         return self._ready(self._given[name, arity], rows)
 
     def bind(self, facts: Facts) -> BoundProgram:
-        """The program for arrays that stay where they are while their numbers change.
+        """Return the program for arrays that stay in place while their numbers change.
 
         Raises:
             ValueError: a relation or a column is missing, or an array could not be read without a copy.
@@ -117,7 +117,7 @@ class NumbaProgram(BatchProgram[Array]):
         for parameter, array in zip(parameters, arguments, strict=True):
             if array is None or array.dtype != _DTYPES[parameter.kind] or not array.flags.c_contiguous:
                 raise ValueError(
-                    f"{parameter.name} cannot be read in place: no {parameter.kind} array in C order"
+                    f"{parameter.name} cannot be read in place: not an array of {parameter.kind} in C order"
                 )
         result, outputs = self._blank(scenes)
         bound = BoundProgram(self._function, [*arguments, *outputs], result)
@@ -125,7 +125,7 @@ class NumbaProgram(BatchProgram[Array]):
         return bound
 
     def _flat(self, facts: Facts) -> tuple[list[Any], int]:
-        """The arrays as the function takes them, and for how many scenes they seem to be."""
+        """Return the function's arrays, and the number of scenes that they seem to have."""
         arguments: list[Any] = []
         scenes = 1
         for key, used, all_there in self._order:
@@ -143,7 +143,7 @@ class NumbaProgram(BatchProgram[Array]):
         return arguments, scenes
 
     def _blank(self, scenes: int) -> tuple[ArrayResult, list[Array]]:
-        """A result to be filled, and its arrays in the order of the function's parameters."""
+        """Return a result to be filled, and its arrays in the order of the function's parameters."""
         undecided = np.empty(scenes, dtype=np.bool_)
         arrays = [undecided]
         answers = []
@@ -171,7 +171,7 @@ class NumbaProgram(BatchProgram[Array]):
 
 
 class BoundProgram:
-    """A program with the arrays that it reads and fills: a call costs little but the answers themselves."""
+    """A program with the arrays that it reads and fills: a call has almost no overhead."""
 
     __slots__ = ("_arguments", "_function", "_result")
 
@@ -181,10 +181,10 @@ class BoundProgram:
         self._result = result
 
     def __call__(self) -> ArrayResult:
-        """The answers for the numbers that the arrays hold now; the next call overwrites them.
+        """Return the answers for the numbers that the arrays hold now; the next call overwrites them.
 
         Raises:
-            ValueError: the shapes do not fit, or a scene's table is not there.
+            ValueError: the shapes do not fit, or a scene's table is missing.
         """
         if not self._function(*self._arguments):
             raise ValueError("shapes do not fit, or an index is beyond the tables")

@@ -1,7 +1,7 @@
 """Numba as the compiler of generated text, with what it compiled kept on disk.
 
-Numba keeps machine code beside the file that a function stands in, so the text is written to a file of its
-own, named after what the code depends on: the text, the functions that it calls, and Numba's version.
+Numba keeps machine code beside the file of a function, so the text is written to a file of its own, named
+after all that the code depends on: the text, the functions that it calls, and Numba's version.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ _BROKEN: Final = (
     AttributeError,
     ImportError,
 )
-"""What numba raises where its cache cannot be used or is damaged."""
+"""Exceptions of numba if its cache cannot be used or is damaged."""
 
 
 def compiled(printer: ArrayLoopPrinter, folder: Path | None) -> Callable[..., bool]:
-    """The function of `printer`'s text as machine code, from `folder` where it was compiled before.
+    """Return the function of `printer`'s text as machine code, from `folder` if it was compiled before.
 
-    Where the folder cannot be used, a warning is logged and the function compiled anew.
+    If the folder cannot be used, a warning is logged and the function compiled anew.
     """
     _make_known()
     text = printer.module()
@@ -87,7 +87,7 @@ def _jit(function: Callable[..., Any], signature: Any, *, keep: bool) -> Callabl
 
 
 def _drop_damaged(folder: Path, name: str) -> None:
-    """Remove what Numba has kept of a text, where it is not as it was written: machine code is run unseen."""
+    """Remove Numba's files for a text if they were changed: machine code is run unchecked."""
     for path in _kept(folder, name):
         seal = _seal_of(path)
         known = seal.read_text(encoding="utf-8") if seal.is_file() else None
@@ -98,7 +98,7 @@ def _drop_damaged(folder: Path, name: str) -> None:
 
 
 def _seal(folder: Path, name: str) -> None:
-    """Keep the checksums of what Numba has kept of a text."""
+    """Write the checksums of Numba's files for a text."""
     for path in _kept(folder, name):
         _write(_seal_of(path), _digest_of(path))
 
@@ -126,7 +126,7 @@ def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
         known = importlib.util.module_from_spec(spec)
         vars(known).update(CALLED)
         exec(compile(text, path, "exec"), vars(known))  # noqa: S102  (the text is made here)
-        sys.modules[name] = known  # where numba looks for it when it loads machine code
+        sys.modules[name] = known  # where numba searches it when it loads machine code
         try:
             known.answer = _jit(known.answer, signature, keep=True)  # type: ignore[attr-defined]  # made by the text
         except BaseException:
@@ -154,7 +154,7 @@ def _write(path: Path, text: str) -> None:
 
 @cache
 def _make_known() -> Sequence[Any]:
-    """Tell numba what generated code calls; the result has to be kept.
+    """Register with numba the functions that generated code calls; the result must be kept.
 
     The functions of the C library are called through Python: compilers know some of them too well, and
     replace them by others that differ in the last bit.

@@ -17,7 +17,7 @@ from drlsl.lowering.ir import INT_BOUND, Relation
 __all__ = ["ArrayAnswer", "ArrayProgram", "ArrayResult", "Rows", "Table", "compile_numpy", "numpy_source"]
 
 CHUNK: Final = 2048
-"""Scenes that are answered together: more of them no longer fit the processor's cache."""
+"""Number of scenes answered together: more do not fit the processor's cache."""
 
 _LARGE_BLOCK: Final = 1 << 24
 _PIECE: Final = 1 << 13
@@ -27,7 +27,7 @@ ArrayResult: TypeAlias = BatchResult[Array]
 
 
 def compile_numpy(lowered: Lowered, dtype: Precision = "float64") -> ArrayProgram:
-    """The program that answers all queries for many scenes.
+    """Return the program that answers all queries for many scenes.
 
     With float64 the answers equal the interpreter's, with float32 only nearly.
 
@@ -38,7 +38,7 @@ def compile_numpy(lowered: Lowered, dtype: Precision = "float64") -> ArrayProgra
 
 
 def numpy_source(lowered: Lowered) -> str:
-    """The text of the function over arrays."""
+    """Return the text of the function over arrays."""
     return ArrayPrinter(lowered).module()
 
 
@@ -56,7 +56,7 @@ class ArrayProgram(TextProgram[Array]):
         return Table(relation, used, rows, self._bound, self._kinds)
 
     def _chunk(self, tables: Mapping[Any, BatchTable], scenes: int) -> ArrayResult:
-        with np.errstate(all="ignore"):  # an operation may go wrong in rows that no rule looks at
+        with np.errstate(all="ignore"):  # an operation may fail in rows that no rule reads
             return super()._chunk(tables, scenes)
 
     def _ops(self, scenes: int) -> Ops:
@@ -90,7 +90,7 @@ class Table(BatchTable):
         kinds: Mapping[Kind, np.dtype[Any]],
     ) -> None:
         self._kinds = kinds
-        with np.errstate(all="ignore"):  # what does not fit is found out by looking
+        with np.errstate(all="ignore"):  # values that do not fit are found by checking
             super().__init__(relation, used, rows, bound)
             self.look()
 
@@ -119,7 +119,7 @@ class Table(BatchTable):
 
     def _repeats(self, keys: Array) -> Mask:
         places = np.arange(keys.shape[0])[:, None]
-        # rows that are not there get keys that no row has
+        # missing rows get keys that no row has
         apart = np.where(self.valid, keys, np.iinfo(np.int64).min + places)
         ordered = np.sort(apart, axis=0)
         repeats: Mask = (ordered[1:] == ordered[:-1]).any(axis=0)
@@ -127,12 +127,12 @@ class Table(BatchTable):
 
 
 def is_of(dtype: np.dtype[Any], kind: Kind) -> bool:
-    """Whether an array's numbers are of that kind, or become so without a loss that matters."""
+    """Return whether an array's numbers are of that kind, or can be converted without a relevant loss."""
     return dtype.kind in "iuf" if kind == "float" else np.can_cast(dtype, np.int64, "safe")
 
 
 def _sum_of_squares(column: Array) -> float:
-    """The sum of all squares, in pieces too short for a linear algebra library to start threads."""
+    """Return the sum of all squares, in pieces too short for a linear algebra library to start threads."""
     flat = column.reshape(-1)
     pieces = (flat[start : start + _PIECE] for start in range(0, flat.size, _PIECE))
     return float(sum(piece.dot(piece) for piece in pieces))

@@ -16,7 +16,7 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Picked:
-    """Some rows of a relation: their places and which are there, each of shape (rows, scenes)."""
+    """Some rows of a relation: their places and whether they exist, each of shape (rows, scenes)."""
 
     index: Array
     valid: Mask
@@ -34,7 +34,7 @@ class Selected:
         self._scene = place & (scenes - 1) if scenes & (scenes - 1) == 0 else place % scenes
 
     def gather(self, value: Array) -> Array:
-        """The values of these rows."""
+        """Return the values of these rows."""
         if value.shape == self._shape:
             return value.ravel().take(self._place)
         if value.shape[1] == 1:
@@ -42,21 +42,21 @@ class Selected:
         return np.broadcast_to(value, self._shape).ravel().take(self._place)
 
     def spread(self, value: Array) -> Array:
-        """The values of these rows' scenes."""
+        """Return the values of these rows' scenes."""
         return value if np.size(value) == 1 else value.take(self._scene)
 
     def exists(self, cond: Mask | None) -> Mask:
-        """The scenes with a row that meets the condition."""
+        """Return the scenes with a row that meets the condition."""
         result = np.zeros(self._shape[1], dtype=np.bool_)
         result[self._scene if cond is None else self._scene[cond]] = True
         return result
 
     def least(self, cond: Mask | None, value: Array) -> Array:
-        """The least value in each scene."""
+        """Return the least value in each scene."""
         return self._reduced(np.minimum, _highest(value), cond, value)
 
     def greatest(self, cond: Mask | None, value: Array) -> Array:
-        """The greatest value in each scene."""
+        """Return the greatest value in each scene."""
         return self._reduced(np.maximum, -_highest(value), cond, value)
 
     def _reduced(self, reduce: np.ufunc, start: Any, cond: Mask | None, value: Array) -> Array:
@@ -71,7 +71,7 @@ class Selected:
 
 
 class Ops:
-    """What the generated text calls."""
+    """The operations that the generated text calls."""
 
     true: Final = np.True_
     false: Final = np.False_
@@ -94,7 +94,7 @@ class Ops:
     # reductions of rows: axis counts from the outermost loop
 
     def exists(self, mask: Mask, axis: int) -> Mask:
-        """Some row is marked."""
+        """Return whether some row is marked."""
         if mask.shape[axis] == 1:
             only: Mask = mask[(slice(None),) * axis + (0,)]
             return only
@@ -102,17 +102,17 @@ class Ops:
         return result
 
     def count(self, mask: Mask, axis: int) -> Array:
-        """How many rows are marked."""
+        """Return the number of marked rows."""
         result: Array = np.count_nonzero(mask, axis=axis)
         return result
 
     def first(self, mask: Mask, axis: int) -> Array:
-        """The place of the first row that is marked."""
+        """Return the place of the first row that is marked."""
         result: Array = mask.argmax(axis=axis)
         return result
 
     def least(self, mask: Mask, value: Array, axis: int) -> Array:
-        """The least value of the rows that are marked."""
+        """Return the least value of the rows that are marked."""
         if mask.ndim == 2 and mask.shape == np.shape(value) and 6 * np.count_nonzero(mask) < mask.size:
             rows = self.select(mask)
             return rows.least(None, rows.gather(value))
@@ -120,22 +120,22 @@ class Ops:
         return result
 
     def greatest(self, mask: Mask, value: Array, axis: int) -> Array:
-        """The greatest value of the rows that are marked."""
+        """Return the greatest value of the rows that are marked."""
         result: Array = np.maximum.reduce(np.where(mask, value, -_highest(value)), axis=axis)
         return result
 
     def where_least(self, mask: Mask, value: Array, axis: int) -> Array:
-        """The place of the first of the marked rows with the least value."""
+        """Return the place of the first of the marked rows with the least value."""
         result: Array = np.argmin(np.where(mask, value, _highest(value)), axis=axis)
         return result
 
     def where_greatest(self, mask: Mask, value: Array, axis: int) -> Array:
-        """The place of the first of the marked rows with the greatest value."""
+        """Return the place of the first of the marked rows with the greatest value."""
         result: Array = np.argmax(np.where(mask, value, -_highest(value)), axis=axis)
         return result
 
     def total(self, mask: Mask, value: Array, start: Array, axis: int) -> Array:
-        """`start` and the values of the marked rows, added in order: np.add.reduce may use another."""
+        """Return `start` plus the marked values, added in order: np.add.reduce may use another order."""
         parts = np.moveaxis(np.where(mask, value, np.zeros((), dtype=np.asarray(value).dtype)), axis, 0)
         shape = np.broadcast_shapes(parts.shape[1:], np.shape(start))
         terms = np.empty((parts.shape[0] + 1, *shape), dtype=parts.dtype)
@@ -146,13 +146,13 @@ class Ops:
     # rows
 
     def select(self, mask: Mask) -> Selected:
-        """The marked rows of all scenes along one axis."""
+        """Return the marked rows of all scenes along one axis."""
         if mask.shape[1] != self.scenes:
             mask = np.broadcast_to(mask, (mask.shape[0], self.scenes))
         return Selected(mask.ravel().nonzero()[0], mask.shape)
 
     def pick(self, mask: Mask) -> Picked:
-        """The marked rows, moved together: as many as the scene with most of them has."""
+        """Return the marked rows, moved together: as many as in the scene with most of them."""
         most = int(np.add.reduce(mask, axis=0, dtype=np.int16).max(initial=1))
         if most == 1:
             return Picked(mask.argmax(axis=0)[None], np.logical_or.reduce(mask, axis=0)[None])
@@ -160,16 +160,16 @@ class Ops:
         return Picked(index, np.take_along_axis(mask, index, axis=0))
 
     def take(self, column: Array, index: Array) -> Array:
-        """The values of a column at places that differ by scene."""
+        """Return the values of a column at places that differ by scene."""
         result: Array = column[index, self._every_scene if column.shape[-1] == self.scenes else 0]
         return result
 
     def positions(self, valid: Mask, start: int) -> Array:
-        """The places of the rows that a loop visits."""
+        """Return the places of the rows that a loop visits."""
         return np.arange(start, start + valid.shape[0])[:, None]
 
     def stack(self, *values: Array) -> Array:
-        """Values of the scenes alone as the rows of one array."""
+        """Return values of the scenes alone as the rows of one array."""
         result = np.empty((len(values), self.scenes), dtype=np.result_type(*values))
         for row, value in zip(result, values, strict=True):
             row[...] = value
@@ -178,49 +178,49 @@ class Ops:
     # numbers
 
     def constants(self, cond: Mask, then: float, els: float) -> Array:
-        """One constant or the other by scene and row."""
+        """Return one constant or the other by scene and row."""
         result: Array = np.where(cond, self.dtype.type(then), self.dtype.type(els))
         return result
 
     def within(self, value: Array, bound: float) -> Mask:
-        """No further from zero than `bound`, and in the range of its kind."""
+        """Return whether values are at most `bound` away from 0, and in the range of their kind."""
         if value.dtype.kind == "f":
             result: Mask = np.absolute(value) <= min(bound, float(np.finfo(value.dtype).max))
             return result
         return (value >= -int(bound)) & (value <= int(bound))
 
     def to_float(self, value: Array) -> Array:
-        """Integers as floats."""
+        """Return integers as floats."""
         return np.asarray(value).astype(self.dtype)
 
     def floor(self, value: Array) -> Array:
-        """The integers not above."""
+        """Return the integers not above."""
         return np.floor(value).astype(np.int64)
 
     def ceiling(self, value: Array) -> Array:
-        """The integers not below."""
+        """Return the integers not below."""
         return np.ceil(value).astype(np.int64)
 
     def truncate(self, value: Array) -> Array:
-        """The integers toward zero."""
+        """Return the integers toward zero."""
         return np.trunc(value).astype(np.int64)
 
     def rounded(self, value: Array) -> Array:
-        """The nearest integers."""
+        """Return the nearest integers."""
         return np.asarray(np.frompyfunc(rounded, 1, 1)(value)).astype(np.int64)
 
     def truncated(self, left: Array, right: Array) -> Array:
-        """Integer division toward zero."""
+        """Return integer division toward zero."""
         quotient = np.floor_divide(np.abs(left), np.abs(right))
         return np.where((left < 0) == (right < 0), quotient, -quotient)
 
     def function(self, name: str, *values: Array) -> Array:
-        """A function of the C library: computed as the interpreter does, for the last bit's sake."""
+        """Return a function of the C library, equal to the interpreter's in the last bit."""
         return np.asarray(np.frompyfunc(FUNCTIONS[name], len(values), 1)(*values)).astype(self.dtype)
 
 
 def _highest(value: Array) -> Any:
-    """What is above every value that counts."""
+    """Return a number above every valid value."""
     kind = np.asarray(value).dtype
     if kind == np.float64:
         return np.inf

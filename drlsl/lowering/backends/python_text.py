@@ -33,7 +33,7 @@ ATOMIC, UNARY, COMPARISON, NOT, AND, OR, CHOICE = 20, 13, 6, 5, 4, 3, 1
 
 
 def is_lookup(node: Node) -> bool:
-    """Whether a quantifier asks for the row with a given key."""
+    """Return whether a quantifier searches the row with a given key."""
     if node.op not in ("any", "first") or node.args[1].op != "eq" or node.args[0].args[0].op != "facts":
         return False
     loop, relation = node.args[0], relation_of(node.args[0])
@@ -44,7 +44,7 @@ def is_lookup(node: Node) -> bool:
 
 
 def lookup_value(node: Node) -> Node:
-    """The key that a lookup asks for."""
+    """Return the key of a lookup."""
     left, right = node.args[1].args
     return right if node.args[0] in left.free else left
 
@@ -53,33 +53,33 @@ class PythonText(ABC):
     """Writes expressions, given the variables that hold some values."""
 
     calls: ClassVar[Mapping[str, str]] = CALLS
-    """The functions that some operations are."""
+    """The functions of some operations."""
 
     twice: ClassVar[Collection[str]] = ("min", "max", "div", "floordiv", "mod", "sqrt", "isign")
     """The operations whose text names an argument twice."""
 
     def __init__(self, names: Names) -> None:
         self.names = names
-        self.known: dict[Node, str] = {}  # the variables of values, rows and indices where we are
+        self.known: dict[Node, str] = {}  # the variables of values, rows and indices in scope
 
     @abstractmethod
     def atom(self, name: str) -> str:
-        """An atom."""
+        """Return an atom."""
 
     @abstractmethod
     def column(self, index: str, relation: Relation, column: int) -> str:
-        """The value in one column of a row."""
+        """Return the value in one column of a row."""
 
     @abstractmethod
     def lookup(self, node: Node) -> tuple[str, int]:
-        """The row with a given key, or whether there is one; and how strongly that binds."""
+        """Return the text of the row with a given key, or of whether there is one; and its precedence."""
 
     @abstractmethod
     def no_row(self, relation: Relation) -> str:
-        """What stands for no row."""
+        """Return the text that stands for no row."""
 
     def text(self, node: Node, strength: int) -> str:
-        """An expression, in brackets where what is around it binds more strongly."""
+        """Return an expression, in brackets if its context binds more strongly."""
         name = self.known.get(node)
         if name is not None:
             return name
@@ -109,7 +109,7 @@ class PythonText(ABC):
         return self._choice(node)
 
     def division(self, node: Node) -> tuple[str, int]:
-        """A division, and how strongly it binds."""
+        """Return the text of a division, and its precedence."""
         sign, otherwise = _DIVISIONS[node.op]
         left, right = node.args
         text = f"{self.text(left, 12)} {sign} {self.text(right, 13)}"
@@ -118,7 +118,7 @@ class PythonText(ABC):
         return f"{text} if {self.text(right, OR)} else {otherwise}", CHOICE
 
     def truth(self, node: Node) -> tuple[str, int]:
-        """Truth made of truths or comparisons, and how strongly it binds."""
+        """Return the text of a truth value, and its precedence."""
         args = node.args
         if node.op in ("and", "or"):
             own = AND if node.op == "and" else OR

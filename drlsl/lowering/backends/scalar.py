@@ -32,11 +32,11 @@ _RESERVED: Final = (*SUPPORT, "abs", "answer", "facts", "float", "max", "min")
 
 
 def compile_scalar(lowered: Lowered) -> Scalar:
-    """The function that answers all queries for the facts of one scene.
+    """Return the function that answers all queries for the facts of one scene.
 
     It takes the rows of every relation by name and arity, as given to `Engine.replace_facts`, and returns one
     answer per query: for `holds` a bool; for `first` the argument, or a tuple of them, None without a
-    solution; for `all` a list of such. It raises `Undecided` where the interpreter has to be asked.
+    solution; for `all` a list of such. It raises `Undecided` if only the interpreter can answer.
     """
     printer = _Printer(lowered)
     namespace = {**SUPPORT, **printer.constants}
@@ -47,7 +47,7 @@ def compile_scalar(lowered: Lowered) -> Scalar:
 
 
 def scalar_source(lowered: Lowered) -> str:
-    """The text of that function."""
+    """Return the text of that function."""
     return _Printer(lowered).module()
 
 
@@ -64,7 +64,7 @@ class _Printer(LoopPrinter):
         self._blanks: dict[Relation, str] = {}
 
     def module(self) -> str:
-        """The text of the function."""
+        """Return the text of the function."""
         self._facts()
         self.sweep()
         if self.undecided is not self.pool.false:
@@ -168,7 +168,7 @@ class _Printer(LoopPrinter):
         return name if answer.query.mode == "all" else f"{name}[0] if {name} else None"
 
     def _chosen(self, answer: Answer) -> str:
-        """The list of the values that are solutions."""
+        """Return the list of the values that are solutions."""
         name = self.names.new(answer.query.name)
         sure = [value for value, cond in answer.choices or () if cond is self.pool.true]
         assert answer.choices is not None
@@ -183,7 +183,7 @@ class _Printer(LoopPrinter):
         return name
 
     def _solutions(self, tree: Tree, hint: str) -> str:
-        """The list of all solutions of a tree."""
+        """Return the list of all solutions of a tree."""
         name = self.names.new(hint)
         self.write(f"{name} = []")
         self._collect(tree, name)
@@ -213,13 +213,13 @@ class _Printer(LoopPrinter):
                 self.write("pass")
 
     def _terms(self, terms: Sequence[Sym]) -> str:
-        """The arguments of a solution."""
+        """Return the arguments of a solution."""
         if len(terms) == 1:
             return self._term(terms[0])
         return f"({', '.join(map(self._term, terms))})"
 
     def _term(self, term: Sym) -> str:
-        """A term as the engine would hand it out."""
+        """Return a term in the form of the engine's solutions."""
         term = resolve(term)
         if isinstance(term, Node):
             self.nested_quantifiers(term)
@@ -247,7 +247,7 @@ class _Printer(LoopPrinter):
 
 
 def _roots(answer: Answer) -> list[Node]:
-    """The nodes that an answer is made of."""
+    """Return the nodes of an answer."""
     if answer.query.mode == "holds":
         return [answer.found]
     if answer.query.mode == "first" and answer.terms is not None:

@@ -1,4 +1,4 @@
-"""What generated code for one scene calls."""
+"""The functions that generated code for one scene calls."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ _absolute: Final = float.__abs__  # refuses everything but floats
 
 
 def checked_rows(facts: Facts, relation: Relation, used: Sequence[int]) -> Sequence[Row]:
-    """The rows of a relation, if they are what the schema says in the columns that are used.
+    """Return the rows of a relation, if their used columns conform to the schema.
 
     Raises:
-        Undecided: they are not.
+        Undecided: they do not.
     """
     rows = facts.get((relation.name, relation.arity), ())
     try:
         return _checked(rows, relation, used)
-    except TypeError:  # an integer in a column of floats, or nothing that a fact can hold
+    except TypeError:  # an integer in a column of floats, or an impossible value
         try:
             return _checked(relation.conform(rows), relation, used)
         except (TypeError, ValueError) as error:
@@ -45,12 +45,12 @@ def _checked(rows: Sequence[Row], relation: Relation, used: Sequence[int]) -> Se
             return rows
     except ValueError as error:
         raise Undecided(f"{relation.name}/{relation.arity}: {error}") from error
-    raise Undecided(f"a row of {relation.name}/{relation.arity} is not what the schema says")
+    raise Undecided(f"a row of {relation.name}/{relation.arity} does not conform to the schema")
 
 
 def _is_sound(column: Sequence[Any], kind: str) -> bool:
     if kind == "float":
-        # one sum is faster than a look at each, and enough where all are small
+        # one sum is faster than checking each, and sufficient if all are small
         return sum(map(_absolute, column)) <= FLOAT_BOUND or all(abs(x) <= FLOAT_BOUND for x in column)
     if kind == "atom":
         return set(map(type, column)) == {str}
@@ -60,7 +60,7 @@ def _is_sound(column: Sequence[Any], kind: str) -> bool:
 
 
 def blank_row(relation: Relation) -> Row:
-    """A row that stands for none: its values mean nothing but are of the right kind."""
+    """Return a row that stands for none: its values are undefined but of the right kind."""
     return tuple({"atom": "", "int": 0, "float": 0.0}[kind] for kind in relation.columns)
 
 

@@ -1,8 +1,8 @@
-"""Which quantifiers compute their costly parts only for the rows that pass the cheap ones.
+"""Plan quantifiers that compute their costly parts only for the rows that pass the cheap ones.
 
 A quantifier over a large relation is a mask and perhaps a value. Conditions that many quantifiers share are
-computed for all rows anyway. What is costly and belongs to few quantifiers is worth computing only where the
-shared ones hold.
+computed for all rows anyway. Costly parts of few quantifiers are worth computing only for the rows where the
+shared conditions hold.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _LEAVES: Final = frozenset({"col", "const", "loop", "valid"})
 
 @dataclass(frozen=True, slots=True)
 class Sparse:
-    """How to compute one quantifier.
+    """The plan of one quantifier.
 
     `prefix`: the conditions for all rows. `heavy`: the costly conditions, then the value, for the rows that
-    pass. `private`: what these are made of, arguments first. `inputs`: what that is made of in turn.
+    pass. `private`: the nodes in these, arguments first. `inputs`: the arguments of those nodes.
     """
 
     prefix: tuple[Node, ...]
@@ -35,19 +35,19 @@ class Sparse:
 
 
 def mask_parts(pool: Pool, node: Node) -> tuple[Node, ...]:
-    """The conditions of a quantifier's rows, the first that there is such a row."""
+    """Return the conditions of a quantifier's rows, the first that there is such a row."""
     cond = node.args[2] if node.op == "where" else node.args[1]
     valid = pool.make("valid", "bool", (node.loop,))
     return (valid, *(part for part in conjuncts(cond) if not part.is_const))
 
 
 def plan_sparse(pool: Pool, roots: Iterable[Node]) -> dict[Node, Sparse]:
-    """The quantifiers that gain, each with its plan."""
+    """Return the quantifiers that gain, each with its plan."""
     reached = reach(roots)
     quantifiers = [node for node in reached if node.op in QUANTIFIERS]
     shared = Counter(part for node in quantifiers for part in mask_parts(pool, node))
     candidates = [node for node in quantifiers if _may_gain(node)]
-    dense: set[Node] = set()  # what is computed for all rows in any case
+    dense: set[Node] = set()  # computed for all rows in any case
     for node in quantifiers:
         parts = mask_parts(pool, node)
         firm = [
@@ -99,7 +99,7 @@ def _plan(pool: Pool, node: Node, dense: set[Node]) -> Sparse | None:
 
 
 def _together(pool: Pool, plans: dict[Node, Sparse]) -> dict[Node, Sparse]:
-    """Plans with the same costly parts pick out the rows of any of them, once."""
+    """Merge plans with the same costly parts: they pick out the rows of any of them, once."""
     groups: dict[tuple[Node, ...], list[Node]] = {}
     for node, plan in plans.items():
         groups.setdefault(plan.heavy, []).append(node)
@@ -119,7 +119,7 @@ def _together(pool: Pool, plans: dict[Node, Sparse]) -> dict[Node, Sparse]:
 
 
 def _cost(node: Node, loop: Node, dense: set[Node]) -> int:
-    """How many operations a value takes for each row, apart from those that are done in any case."""
+    """Return the number of operations of a value for each row, apart from those computed anyway."""
     return sum(loop in part.free and part.op not in _LEAVES for part in reach([node], dense))
 
 
@@ -128,7 +128,7 @@ def _add(node: Node, dense: set[Node]) -> None:
 
 
 class Conjunctions:
-    """Masks as pairs of masks, so that those with conditions in common share them."""
+    """Masks as pairs of masks, so that those with common conditions share them."""
 
     def __init__(self, pool: Pool, roots: Iterable[Node], sparse: Mapping[Node, Sparse]) -> None:
         self._pool = pool
@@ -157,7 +157,7 @@ class Conjunctions:
         self._made = {parts: self._pair_up(left) for parts, left in self._share(wanted).items()}
 
     def of(self, parts: tuple[Node, ...]) -> Node:
-        """The node of a conjunction."""
+        """Return the node of a conjunction."""
         return self._made[parts]
 
     def _share(self, wanted: dict[tuple[Node, ...], list[Node]]) -> dict[tuple[Node, ...], list[Node]]:

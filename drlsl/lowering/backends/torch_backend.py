@@ -1,4 +1,4 @@
-"""Lowered programs on Torch tensors: scenes that are on a device are answered there."""
+"""Lowered programs on Torch tensors: scenes on a device are answered there."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from drlsl.lowering.frontend import Lowered
 from drlsl.lowering.ir import INT_BOUND, Relation
 
 CHUNK: Final = 2048
-"""Scenes that a processor answers together: more of them no longer fit its cache."""
+"""Number of scenes that a processor answers together: more do not fit its cache."""
 
 DEVICE_CHUNK: Final = 1 << 18
-"""The same for any other device, for the sake of its memory."""
+"""The same for any other device, limited by its memory."""
 
 _PRECISIONS: Final[Mapping[Precision, torch.dtype]] = {"float64": torch.float64, "float32": torch.float32}
 _INTEGERS: Final = frozenset({torch.int64, torch.int32, torch.int16, torch.int8, torch.uint8, torch.bool})
@@ -28,11 +28,11 @@ _INTEGERS: Final = frozenset({torch.int64, torch.int32, torch.int16, torch.int8,
 def compile_torch(
     lowered: Lowered, dtype: Precision = "float64", device: str | torch.device = "cpu"
 ) -> TorchProgram:
-    """The program that answers all queries for many scenes, on `device`.
+    """Return the program that answers all queries for many scenes, on `device`.
 
     Facts may be NumPy arrays or tensors on any device; tensors that are on `device` already, and of the
     right type, are not copied. The answers are tensors on `device`. With float64 on the processor they equal
-    the interpreter's, see docs/lowering.md for the rest.
+    the interpreter's; docs/lowering.md describes other cases.
 
     Raises:
         NotLowerable: a query's answer has no form as an array.
@@ -90,7 +90,7 @@ class TorchTable(Table):
         self._kinds = kinds
         self._device = device
         super().__init__(relation, used, rows, bound)
-        if device.type == "cpu":  # any other device would have to be waited for
+        if device.type == "cpu":  # this would wait for any other device
             self.look()
 
     def _is_of(self, column: Tensor | np.ndarray[Any, Any], kind: Kind) -> bool:
@@ -122,7 +122,7 @@ class TorchTable(Table):
 
     def _repeats(self, keys: Tensor) -> Tensor:
         places = torch.arange(keys.shape[0], device=keys.device)[:, None]
-        # rows that are not there get keys that no row has
+        # missing rows get keys that no row has
         apart = torch.where(self.valid, keys, torch.iinfo(torch.int64).min + places)
         ordered = apart.sort(dim=0).values
         return (ordered[1:] == ordered[:-1]).any(dim=0)

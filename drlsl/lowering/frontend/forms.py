@@ -1,4 +1,4 @@
-"""What the answer to a query looks like in arrays."""
+"""The form of a query's answer in arrays."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _MOST: Final = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The nodes that an answer is made of.
+    """The nodes of an answer.
 
-    `found`: whether there is a solution. `values`: for `first` its numbers, for `set` and `all` whether each
-    of the choices is a solution. `exact`: these numbers are all integers or atoms. `plain`: it is one number
-    instead of several.
+    `found`: there is a solution. `values`: for `first` its numbers, for `set` and `all` for each of the
+    choices whether it is a solution. `exact`: these numbers are all integers or atoms. `plain`: it is one
+    number instead of several.
     """
 
     query: Query
@@ -30,12 +30,12 @@ class Form:
 
     @property
     def roots(self) -> tuple[Node, ...]:
-        """What has to be computed: for `set` and `all` the choices say whether there is a solution."""
+        """The nodes to compute: for `set` and `all` the choices determine whether there is a solution."""
         return self.values if self.query.mode in ("set", "all") else (self.found, *self.values)
 
 
 def array_forms(lowered: Lowered) -> tuple[Form, ...]:
-    """The form of each answer.
+    """Return the form of each answer.
 
     Raises:
         NotLowerable: an answer has none.
@@ -49,7 +49,7 @@ def array_forms(lowered: Lowered) -> tuple[Form, ...]:
 
 
 def atom_codes(lowered: Lowered, roots: Iterable[Node]) -> dict[str, int]:
-    """The integers that stand for atoms in arrays, the same in every back end."""
+    """Return the integers of atoms in arrays, the same in every back end."""
     first = [relation.first for relation in lowered.schema.relations.values() if relation.first is not None]
     named = [node.data.name for node in reach(roots) if node.op == "const" and isinstance(node.data, Atom)]
     return {atom: code for code, atom in enumerate(dict.fromkeys([*first, *named]))}
@@ -61,7 +61,7 @@ def _form(pool: Pool, answer: Answer) -> Form:
         return Form(query, answer.found)
     if query.mode == "first":
         if answer.terms is None:
-            raise NotLowerable(str(query), None, "its answers are of unlike kinds")
+            raise NotLowerable(str(query), None, "its answers are of different kinds")
         nodes = tuple(_as_node(pool, query, item) for term in answer.terms for item in _items(term))
         exact = not any(node.kind in ("float", "number") for node in nodes)
         plain = len(answer.terms) == 1 and isinstance(resolve(answer.terms[0]), Node | Atom | int | float)
@@ -72,7 +72,7 @@ def _form(pool: Pool, answer: Answer) -> Form:
 
 
 def _items(term: Sym) -> Sequence[Sym]:
-    """The elements of a list, or the term itself."""
+    """Return the elements of a list, or the term itself."""
     items: list[Sym] = []
     rest = resolve(term)
     while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:

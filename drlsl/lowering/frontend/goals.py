@@ -305,13 +305,13 @@ def _aggregate_all(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tre
 
 
 def _aggregates(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Continue) -> Tree:
-    """A term whose arguments are aggregates: each is worked out by itself."""
+    """Return the tree of a term whose arguments are aggregates, each computed separately."""
     parts = [resolve(part) for part in spec.args]
     if not all(
         isinstance(part, Atom | Struct) and (part.name, _arity(part)) in _AGGREGATES for part in parts
     ):
         unfold.refuse(
-            f"aggregate_all/3 of {spec.name}/{len(parts)} with an argument that is no aggregate, or set/1"
+            f"aggregate_all/3 of {spec.name}/{len(parts)} with an argument that is not an aggregate, or set/1"
         )
     values = [Var(f"Aggregate{number}") for number in range(1, len(parts) + 1)]
 
@@ -343,7 +343,7 @@ def _count(unfold: Unfolder, goal: Sym, result: Sym, then: Continue) -> Tree:
 def _with_value(
     unfold: Unfolder, expression: Sym, goal: Sym, others: Sequence[Sym], *, counting: bool
 ) -> Tree:
-    """The solutions of a goal as the value of an expression and other terms."""
+    """Return the solutions of a goal as the value of an expression and other terms."""
     before, unfold.counting = unfold.counting, counting
 
     def emit(_arithmetic: Arithmetic, value: Node) -> Tree:
@@ -377,7 +377,7 @@ def _extreme(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Conti
     try:
         found, value, witness = unfold.fold.extreme(tree, spec.name == "min")
     except CannotMerge:
-        unfold.refuse(f"a {spec.name} over values of unlike kinds")
+        unfold.refuse(f"a {spec.name} over values of different kinds")
     if found is unfold.pool.false:
         return require(unfold.pool.not_(undecided), FAIL)
     best: Sym = value.data if value.is_const else value
@@ -395,7 +395,7 @@ def _elements(unfold: Unfolder, term: Sym) -> list[Sym]:
         items.append(term.args[0])
         term = resolve(term.args[1])
     if term is not NIL:
-        unfold.refuse("it goes through a list that is not known in full")
+        unfold.refuse("it iterates over a list that is not fully known")
     return items
 
 

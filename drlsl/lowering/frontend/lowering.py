@@ -1,4 +1,4 @@
-"""From a loaded program to the intermediate form: the entrance to this package."""
+"""Lower a loaded program to the intermediate form: the entrance to this package."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Mode: TypeAlias = Literal["holds", "first", "set", "all"]
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A question: whether a goal holds, its first solution, the set of them in order, or all of them.
+    """A query: whether a goal holds, its first solution, the set of its solutions in order, or all of them.
 
     The goal is `name` of `arity` unbound arguments.
     """
@@ -55,13 +55,12 @@ class Query:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What is known about a query before the facts are.
+    """An answer in terms of the facts.
 
     `undecided` holds in a scene that only the interpreter can answer; elsewhere `tree` emits the arguments of
-    each solution. `found` says whether there is one. `terms` are the arguments of the first, None where no
-    expressions give them. `choices` are the values that the only argument can have, each with the condition
-    that it is a solution, None where they are not all known; `in_order` says that solutions come in that
-    order.
+    each solution. `found`: there is one. `terms` are the arguments of the first, None if no expressions give
+    them. `choices` are the values that the only argument can have, each with the condition that it is a
+    solution, None if not all are known; `in_order`: solutions come in that order.
     """
 
     query: Query
@@ -77,7 +76,7 @@ class Answer:
 class Lowered:
     """A program lowered for some queries.
 
-    `doubts` has, for each reason why a scene may be undecided, the conditions under which it is not.
+    `doubts` has, for each reason why a scene may be undecided, the conditions that exclude it.
     """
 
     schema: Schema
@@ -87,7 +86,7 @@ class Lowered:
 
 
 def lower(engine: Engine, schema: Schema, queries: Sequence[Query]) -> Lowered:
-    """Lower an engine's program as it is now for these queries; the facts of `schema` are left open.
+    """Lower an engine's present program for these queries; the facts of `schema` are left open.
 
     Raises:
         NotLowerable: a query reaches a rule that only the interpreter can run.
@@ -126,7 +125,7 @@ def _answer(unfolder: Unfolder, query: Query) -> Answer:
 
 
 def _choices(unfolder: Unfolder, tree: Tree) -> tuple[tuple[Sym, Node], ...] | None:
-    """The constants that a tree emits, each with the condition that it does."""
+    """Return the constants that a tree emits, each with its condition."""
     constants: dict[Sym, None] = {}
     for leaf in emitted(tree):
         if not isinstance(leaf.terms[0], Atom | int | float):
@@ -136,7 +135,7 @@ def _choices(unfolder: Unfolder, tree: Tree) -> tuple[tuple[Sym, Node], ...] | N
 
 
 def _only(tree: Tree, value: Sym) -> Tree:
-    """The solutions that are this constant."""
+    """Return the solutions that are this constant."""
     if isinstance(tree, Emit):
         return tree if tree.terms[0] == value else FAIL
     if isinstance(tree, Guard):
@@ -151,7 +150,7 @@ def _only(tree: Tree, value: Sym) -> Tree:
 
 
 def _in_order(tree: Tree) -> bool:
-    """Whether each part of the tree has one value of its own."""
+    """Return whether each part of the tree has one value of its own."""
     parts = tree.parts if isinstance(tree, Seq) else (tree,)
     values = [{leaf.terms[0] for leaf in emitted(part)} for part in parts]
     return all(len(own) <= 1 for own in values) and len(set().union(*values)) == sum(map(len, values))

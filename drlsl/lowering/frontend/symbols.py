@@ -11,7 +11,7 @@ from drlsl.lowering.ir import Bag, Node, Sym, map_terms
 
 
 def conjunction(goal: Sym) -> list[Sym]:
-    """The goals of a conjunction, in order; a variable stands for one goal, whatever it is bound to."""
+    """Return the goals of a conjunction, in order; a variable is one goal, whatever it is bound to."""
     if isinstance(goal, Var):
         return [goal]
     if isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
@@ -20,12 +20,12 @@ def conjunction(goal: Sym) -> list[Sym]:
 
 
 def is_atom(term: Sym, name: str) -> bool:
-    """Whether a term is the atom of that name."""
+    """Return whether a term is the atom of that name."""
     return isinstance(term, Atom) and term.name == name
 
 
 def has_cut(goal: Sym) -> bool:
-    """Whether a goal cuts the clause that it stands in; what a variable is bound to cuts only itself."""
+    """Return whether a goal cuts its clause; the cut of a goal bound to a variable is local."""
     if isinstance(goal, Struct) and len(goal.args) == 2:
         if goal.name in (",", ";"):
             return any(map(has_cut, goal.args))
@@ -35,7 +35,7 @@ def has_cut(goal: Sym) -> bool:
 
 
 def variables_of(terms: Sequence[Sym]) -> list[Var]:
-    """The unbound variables, in order of appearance."""
+    """Return the unbound variables, in order of appearance."""
     found: dict[Var, None] = {}
 
     def visit(part: Sym) -> Sym:
@@ -49,12 +49,12 @@ def variables_of(terms: Sequence[Sym]) -> list[Var]:
 
 
 def is_ground(term: Sym) -> bool:
-    """Whether a term holds no unbound variable."""
+    """Return whether a term holds no unbound variable."""
     return not variables_of([term])
 
 
 def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Sym]:
-    """The head's arguments and the body with variables of their own."""
+    """Return the head's arguments and the body with variables of their own."""
     fresh: dict[Sym, Sym] = {}
 
     def visit(part: Sym) -> Sym:
@@ -65,7 +65,7 @@ def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Sym]:
 
 
 def call_key(term: Sym, numbers: dict[Sym, int]) -> Any:
-    """What tells a call apart from one with other arguments; variables count by `numbers`."""
+    """Return a key that identifies a call by its arguments; variables count by `numbers`."""
     if isinstance(term, Var):
         return numbers[term]
     if isinstance(term, Struct):

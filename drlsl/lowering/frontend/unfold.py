@@ -1,8 +1,8 @@
-"""Runs a rule program on facts that are not known yet: each goal becomes a tree of its solutions.
+"""Run a rule program on unknown facts: each goal becomes a tree of its solutions.
 
-Clauses are tried as the interpreter would try them. What depends on facts becomes a node; a test of such a
-value becomes a guard in the tree; a call is replaced by the tree of the predicate that it calls. What the
-rules know already, such as a table of constants, leaves no trace in the result.
+Clauses are tried in the interpreter's order. A value that depends on facts becomes a node; a test of such a
+value becomes a guard in the tree; a call is replaced by the tree of the called predicate. What the rules
+determine alone, such as a table of constants, leaves no trace in the result.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ _DEEP: Final = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a condition is written: the clause, and the goal or expression in it, its variables unbound."""
+    """The source of a condition: the clause, and the goal or expression in it, its variables unbound."""
 
     clause: Clause | None
     term: Sym
@@ -78,7 +78,7 @@ class Source:
 
 @contextmanager
 def deep_recursion() -> Iterator[None]:
-    """Room for goals that nest deeper than Python's usual limit."""
+    """Allow goals that nest deeper than Python's usual limit."""
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(max(limit, _DEEP))
     try:
@@ -88,7 +88,7 @@ def deep_recursion() -> Iterator[None]:
 
 
 Goal: TypeAlias = Callable[["Unfolder", Sequence[Sym], Continue], Tree]
-"""How a control construct or a builtin becomes a tree of solutions."""
+"""Turns a control construct or a builtin into a tree of solutions."""
 
 
 class Unfolder:
@@ -103,14 +103,14 @@ class Unfolder:
         *,
         iso: bool,
     ) -> None:
-        """`goals`: what can be lowered besides calls, by name and arity."""
+        """Prepare unfolding; `goals` are the lowerable goals besides calls, by name and arity."""
         self.program = program
         self.iso = iso
         self.schema = schema
         self.pool = pool
         self.fold = Folder(pool)
         self.doubts: dict[Doubt, list[Node]] = {}
-        self.counting = False  # whether it matters how often a goal succeeds
+        self.counting = False  # whether the number of a goal's solutions matters
         self._goals = goals
         self._trail: list[Var] = []
         self._calls: list[tuple[str, int]] = []
@@ -118,18 +118,18 @@ class Unfolder:
         self._known: dict[Any, Tree] = {}
         self._under_way: list[Any] = []
         self._leaves = 0
-        self._in_library = False  # whether the goal at hand stands in a clause of the library
+        self._in_library = False  # whether the current goal is in a clause of the library
 
     # ---------------------------------------------------------------- failing to lower
 
     def refuse(self, reason: str) -> NoReturn:
-        """Say that the clause at hand is for the interpreter."""
+        """Raise the error that only the interpreter can run the current clause."""
         clause = self._clauses[-1]
         name, arity = self._calls[-1] if self._calls else ("call", 1)
         raise NotLowerable(f"{name}/{arity}", clause.span if clause is not None else None, reason)
 
     def written(self, cond: Node, term: Sym) -> None:
-        """Remember the clause at hand, and the goal or expression in it, as the source of a condition."""
+        """Remember the current clause, and the goal or expression in it, as the source of a condition."""
         self.pool.come_from(cond, Source(self._clauses[-1], term))
 
     # ---------------------------------------------------------------- bindings
@@ -143,7 +143,7 @@ class Unfolder:
 
     @contextmanager
     def undone(self) -> Iterator[None]:
-        """Bindings made inside are taken back."""
+        """Undo the bindings made inside the context."""
         mark = len(self._trail)
         try:
             yield
@@ -152,7 +152,7 @@ class Unfolder:
                 self._trail.pop().ref = None
 
     def unify(self, left: Sym, right: Sym, conds: list[Node]) -> bool:
-        """Make two terms equal where `conds`, which this extends, hold; False if they never are."""
+        """Make two terms equal if `conds`, which this extends, hold; False if they never are."""
         left, right = resolve(left), resolve(right)
         if left is right:
             return True
@@ -183,7 +183,7 @@ class Unfolder:
         return conds[-1] is not self.pool.false
 
     def same(self, left: Sym, right: Sym) -> Node:
-        """Two atomic terms are the same."""
+        """Return the condition that two atomic terms are the same."""
         one, other = self.fold.as_node(left), self.fold.as_node(right)
         if one is None or other is None:
             return self.pool.const(isinstance(left, str) and isinstance(right, str) and left == right)
@@ -197,7 +197,7 @@ class Unfolder:
         return self.pool.equal(one, other)
 
     def identical(self, left: Sym, right: Sym) -> Node:
-        """Two terms are the same without any binding."""
+        """Return the condition that two terms are the same without any binding."""
         left, right = resolve(left), resolve(right)
         if left is right:
             return self.pool.true
@@ -211,7 +211,7 @@ class Unfolder:
         return self.pool.and_(conds) if self.unify(left, right, conds) else self.pool.false
 
     def unified(self, left: Sym, right: Sym, then: Continue) -> Tree:
-        """What `then` yields where the two terms are equal."""
+        """Return the tree of `then` if the two terms are equal."""
         with self.undone():
             conds: list[Node] = []
             if not self.unify(left, right, conds):
@@ -219,7 +219,7 @@ class Unfolder:
             return guard(self.pool.and_(conds), then())
 
     def evaluated(self, expressions: Sequence[Sym], then: Callable[..., Tree]) -> Tree:
-        """What `then` yields, given the values of expressions and the arithmetic that made them."""
+        """Return the tree of `then`, given the values of expressions and their arithmetic."""
         arithmetic = Arithmetic(self.pool, iso=self.iso)
         try:
             values = [arithmetic.evaluate(expression) for expression in expressions]
@@ -235,14 +235,14 @@ class Unfolder:
         return require(self.pool.and_(cond for cond, _ in arithmetic.needed), result)
 
     def _doubt(self, cond: Node, otherwise: str) -> None:
-        """Remember, for those who ask, why a scene is undecided in which `cond` does not hold."""
+        """Record the reason why a scene is undecided if `cond` does not hold."""
         clause = self._clauses[-1]
         self.doubts.setdefault(Doubt(clause.span if clause is not None else None, otherwise), []).append(cond)
 
     # ---------------------------------------------------------------- bodies
 
     def tree_of(self, goals: Sequence[Sym], emit: Sequence[Sym] = (), *, counting: bool = False) -> Tree:
-        """The solutions of a conjunction of its own, each as the terms of `emit`."""
+        """Return the solutions of a separate conjunction, each as the terms of `emit`."""
         before, self.counting = self.counting, counting
         try:
             return self.body(list(goals), lambda: self.emit(emit), lambda: FAIL)
@@ -250,11 +250,11 @@ class Unfolder:
             self.counting = before
 
     def emit(self, terms: Sequence[Sym]) -> Tree:
-        """One solution."""
+        """Return one solution."""
         return Emit(tuple(map_terms(lambda part: part, term) for term in terms))
 
     def body(self, goals: list[Sym], then: Continue, rest: Continue) -> Tree:
-        """What `then` yields for each solution of a clause's goals, then `rest` unless a cut was passed."""
+        """Return `then` for each solution of a clause's goals, then `rest` unless a cut was passed."""
         goals = [part for goal in goals for part in conjunction(goal)]
         place = next((n for n, goal in enumerate(goals) if has_cut(goal)), None)
         if place is None:
@@ -272,7 +272,7 @@ class Unfolder:
         return self._control_with_cut(goal, tail, then, rest)
 
     def _control_with_cut(self, goal: Struct, tail: list[Sym], then: Continue, rest: Continue) -> Tree:
-        """A disjunction or if-then-else that cuts the clause."""
+        """Return a disjunction or if-then-else that cuts the clause."""
         left, right = goal.args
         if goal.name == "->":
             return self.committed([left], lambda: self.body([right, *tail], then, rest), rest)
@@ -288,13 +288,13 @@ class Unfolder:
         return self.body([left, *tail], then, lambda: self.body([right, *tail], then, rest))
 
     def conjunction(self, goals: Sequence[Sym], then: Continue) -> Tree:
-        """What `then` yields for each solution of goals that hold no cut."""
+        """Return the tree of `then` for each solution of goals without a cut."""
         if not goals:
             return then()
         return self.solve(goals[0], lambda: self.conjunction(goals[1:], then))
 
     def committed(self, goals: Sequence[Sym], then: Continue, els: Continue) -> Tree:
-        """What `then` yields for the first solution of `goals`, or `els` where there is none."""
+        """Return the tree of `then` for the first solution of `goals`, or of `els` if there is none."""
         variables = variables_of(goals)
         tree = self.tree_of(goals, variables)
         if isinstance(tree, Emit):
@@ -319,7 +319,7 @@ class Unfolder:
             return guard(self.pool.and_(conds), then())
 
     def _graft(self, tree: Tree, then: Callable[[tuple[Sym, ...]], Tree], els: Continue) -> Tree:
-        """`then` of the first solution in place, or `els`."""
+        """Return the tree with `then` in place of the first solution, or `els`."""
         if isinstance(tree, Emit):
             return then(tree.terms)
         if isinstance(tree, Guard):
@@ -344,7 +344,7 @@ class Unfolder:
     # ---------------------------------------------------------------- goals
 
     def solve(self, goal: Sym, then: Continue) -> Tree:
-        """What `then` yields for each solution of a goal."""
+        """Return the tree of `then` for each solution of a goal."""
         if isinstance(goal, Var) and not isinstance(resolve(goal), Var):
             return self.called(goal, then)
         if isinstance(goal, Var | int | float | str | Node | Bag):
@@ -367,16 +367,16 @@ class Unfolder:
             span = predicate.clauses[0].span if predicate.clauses else None
             raise NotLowerable(f"{name}/{len(args)}", span, "it is tabled")
         if predicate.dynamic:
-            self.refuse(f"{name}/{len(args)} is dynamic, and the schema does not say what its facts are")
+            self.refuse(f"{name}/{len(args)} is dynamic, and the schema does not declare its facts")
         return self.call(predicate, args, then)
 
     def called(self, goal: Sym, then: Continue) -> Tree:
-        """As `solve`, of a goal that is called: it means what it means to the program; cuts are local.
+        """Return the tree of a called goal, as `solve`, but with the program's predicates; cuts are local.
 
-        The library's own goals mean what they mean to the library, even where a program hides them.
+        Goals of the library's own use the library's predicates, even if a program hides them.
         """
         before = self._in_library
-        goal = map_terms(lambda part: part, goal)  # what its variables are bound to is part of it
+        goal = map_terms(lambda part: part, goal)  # the bindings of its variables are part of it
 
         def resumed() -> Tree:
             inside, self._in_library = self._in_library, before
@@ -392,13 +392,13 @@ class Unfolder:
             self._in_library = before
 
     def undefined(self, name: str, arity: int) -> Tree:
-        """A goal for which there is neither a rule nor a builtin that can be lowered."""
+        """Return the tree of a goal without a rule or a builtin that can be lowered."""
         if builtin(name, arity) is not None:
             self.refuse(f"it calls {name}/{arity}")
         return require(self.pool.false, FAIL)  # the interpreter reports an unknown procedure
 
     def facts(self, relation: Relation, args: Sequence[Sym], then: Continue) -> Tree:
-        """The solutions of a fact relation, in the order of its rows."""
+        """Return the solutions of a fact relation, in the order of its rows."""
         key = resolve(args[relation.key]) if relation.key is not None else None
         if relation.single:
             return self._row(relation, self.pool.row(relation), args, then)
@@ -430,7 +430,7 @@ class Unfolder:
         return guard(found, self._row(relation, index, args, then, known_key=True))
 
     def index_of(self, relation: Relation, value: Node) -> Node | None:
-        """The row whose key a value is, if its making tells."""
+        """Return the row whose key is `value`, if its node determines that row."""
         if value.op == "col":
             return value.args[0] if value.data == (relation, relation.key) else None
         if value.is_const:
@@ -461,7 +461,7 @@ class Unfolder:
     # ---------------------------------------------------------------- calls
 
     def call(self, predicate: Predicate, args: Sequence[Sym], then: Continue) -> Tree:
-        """The solutions of a predicate of the program."""
+        """Return the solutions of a predicate of the program."""
         tree = self._callee(predicate, args)
         if isinstance(tree, Fail):
             return FAIL
@@ -473,7 +473,7 @@ class Unfolder:
                 found, terms = self.fold.first(tree)
             except CannotMerge:
                 return self.splice(tree, args, then)
-            # a goal behind this one that fails sends the interpreter back into it
+            # if a later goal fails, the interpreter backtracks into this one
             undecided = self.fold.undecided(tree, whole=True)
             if not args:
                 self.pool.name(found, predicate.name)
@@ -482,7 +482,7 @@ class Unfolder:
         return self.splice(tree, args, then)
 
     def _callee(self, predicate: Predicate, args: Sequence[Sym]) -> Tree:
-        """The tree of a call, which emits the arguments; calls with like arguments share it."""
+        """Return the tree of a call, which emits the arguments; equal calls share it."""
         own: dict[Sym, Sym] = {}
 
         def copied(part: Sym) -> Sym:
@@ -494,7 +494,7 @@ class Unfolder:
         known = self._known.get(key)
         if known is None:
             if key in self._under_way or len(self._under_way) >= _MOST_CALLS:
-                self.refuse(f"it calls {predicate.name}/{predicate.arity} in a circle (recursion)")
+                self.refuse(f"it calls {predicate.name}/{predicate.arity} recursively")
             before, self._in_library = self._in_library, predicate.program is library().program
             self._calls.append(predicate.indicator)
             self._under_way.append(key)
@@ -508,7 +508,7 @@ class Unfolder:
         return known
 
     def _alternatives(self, clauses: Sequence[Clause], args: Sequence[Sym]) -> Tree:
-        """The clauses in order."""
+        """Return the tree of the clauses in order."""
         tree: Tree = FAIL
         for clause in reversed(clauses):
             self._clauses.append(clause)
@@ -519,7 +519,7 @@ class Unfolder:
         return tree
 
     def _clause(self, clause: Clause, args: Sequence[Sym], rest: Tree) -> Tree:
-        """One clause, and after it the `rest` of them unless it cuts them off."""
+        """Return the tree of one clause, and after it the `rest` unless it cuts."""
         head, body = renamed(clause)
         with self.undone():
             conds: list[Node] = []
@@ -531,11 +531,11 @@ class Unfolder:
         return branch(test, tree, rest) if cuts else seq([guard(test, tree), rest])
 
     def splice(self, tree: Tree, args: Sequence[Sym], then: Continue) -> Tree:
-        """The tree with what `then` yields in place of each solution."""
+        """Return the tree with that of `then` in place of each solution."""
         if isinstance(tree, Emit):
             self._leaves += 1
             if self._leaves > _MOST_LEAVES:
-                self.refuse(f"it has more than {_MOST_LEAVES} ways to go")
+                self.refuse(f"it has more than {_MOST_LEAVES} alternatives")
             return self._bound_terms(args, tree.terms, then)
         if isinstance(tree, Guard):
             return guard(tree.cond, self.splice(tree.body, args, then))

@@ -18,7 +18,7 @@ class Names:
         self._taken = {*keyword.kwlist, *reserved}
 
     def new(self, hint: str) -> str:
-        """A name that nobody has yet: the hint in lower case, with a number behind it where need be."""
+        """Return an unused name: the hint in lower case, with a number appended if necessary."""
         base = _OTHER.sub("_", _WORDS.sub("_", hint).lower()).strip("_") or "value"
         if base[0].isdigit():
             base = f"v{base}"

@@ -1,9 +1,9 @@
-"""The intermediate form: typed expressions over the rows of fact relations, each one built only once.
+"""The intermediate form: typed expressions over the rows of fact relations, each built only once.
 
 A `Node` is an operation on other nodes. A `Pool` makes them: equal nodes are the same object, so a common
-subexpression costs nothing, and every constructor simplifies what it can without changing a value. An index
+subexpression costs nothing, and every constructor simplifies if that does not change the value. An index
 node stands for a row of a relation: a loop that a quantifier binds, the first row that meets a condition, or
-a fixed row. Loops are numbered by how many others enclose them, so that two equal quantifiers are the same
+a fixed row. Loops are numbered by the number of enclosing loops, so that two equal quantifiers are the same
 node.
 
 Operations, by kind of result:
@@ -27,7 +27,7 @@ from drlsl.logic.terms import Atom
 from drlsl.lowering.ir.schema import FLOAT_BOUND, INT_BOUND, Relation
 
 Kind: TypeAlias = Literal["bool", "int", "float", "number", "atom", "index", "rows"]
-"""`number` is an integer or a float by the scene: always a select between the two."""
+"""`number` is an integer or a float depending on the scene: always a select between the two."""
 
 Interval: TypeAlias = tuple[float, float]
 ANY_FLOAT: Final[Interval] = (-FLOAT_BOUND, FLOAT_BOUND)
@@ -35,7 +35,7 @@ ANY_INT: Final[Interval] = (-INT_BOUND, INT_BOUND)
 UNKNOWN: Final[Interval] = (-math.inf, math.inf)
 
 SMALL: Final = 16
-"""Of a relation with no more rows, those that meet a condition are picked out before a loop inside a loop."""
+"""Largest relation whose rows that meet a condition are picked out before a nested loop."""
 
 QUANTIFIERS: Final = frozenset({"any", "count", "sum", "first", "min_of", "max_of", "argmin", "argmax"})
 
@@ -61,7 +61,7 @@ class Node:
         self.data = data
         self.free = frozenset({self}) if op == "loop" else free
         self.low, self.high = bounds
-        self.order = order  # of making: arguments come before the nodes that use them
+        self.order = order  # of creation: arguments come before the nodes that use them
 
     def __repr__(self) -> str:
         inside = [repr(self.data)] if self.data is not None else []
@@ -78,7 +78,7 @@ class Node:
 
 
 def relation_of(rows: Node) -> Relation:
-    """The relation that an index or rows node ranges over."""
+    """Return the relation that an index or rows node ranges over."""
     while rows.op not in ("facts", "others", "row"):
         rows = rows.args[1] if rows.op == "select" else rows.args[0]
     relation: Relation = rows.data
@@ -86,7 +86,7 @@ def relation_of(rows: Node) -> Relation:
 
 
 class Pool:
-    """Makes nodes, and keeps the names that the rules give to values, and where comparisons are written."""
+    """Makes nodes, and keeps the names of values in the rules, and the sources of comparisons."""
 
     def __init__(self) -> None:
         self._made: dict[Any, Node] = {}
@@ -99,7 +99,7 @@ class Pool:
     def make(
         self, op: str, kind: Kind, args: tuple[Node, ...] = (), data: Any = None, bounds: Interval = UNKNOWN
     ) -> Node:
-        """The node of this operation, as it stands."""
+        """Return the node of this operation, unsimplified."""
         key = (op, kind, args, data if type(data) is not float else (data, math.copysign(1.0, data)))
         known = self._made.get(key)
         if known is not None:
@@ -115,13 +115,13 @@ class Pool:
         return node
 
     def name(self, node: Node, name: str) -> Node:
-        """Remember what the rules call a value; the first name stays."""
+        """Remember a value's name in the rules; the first name is kept."""
         if not node.is_const and node.op != "loop" and not name.startswith("_"):
             self.names.setdefault(node, name)
         return node
 
     def come_from(self, node: Node, source: Any) -> None:
-        """Remember where the comparisons of a condition are written; the first source stays."""
+        """Remember the source of a condition's comparisons; the first source is kept."""
         if node.op in ("not", "and", "or"):
             for arg in node.args:
                 self.come_from(arg, source)
@@ -129,14 +129,14 @@ class Pool:
             self.sources.setdefault(node, source)
 
     def keep_source(self, node: Node, made: Node) -> None:
-        """A comparison made out of another has the same source."""
+        """Give a comparison made from another the same source."""
         if node in self.sources:
             self.come_from(made, self.sources[node])
 
     # ---------------------------------------------------------------- constants and columns
 
     def const(self, value: Atom | bool | int | float) -> Node:
-        """A constant."""
+        """Return a constant."""
         if isinstance(value, bool):
             return self.make("const", "bool", (), value)
         if isinstance(value, Atom):
@@ -148,7 +148,7 @@ class Pool:
         return self.make("const", "float", (), value, (value, value) if math.isfinite(value) else UNKNOWN)
 
     def column(self, index: Node, relation: Relation, column: int) -> Node:
-        """The value in one column of a row."""
+        """Return the value in one column of a row."""
         if column == relation.key and index.op == "row" and relation.first is not None:
             return self.const(Atom(relation.first))
         kind = relation.columns[column]
@@ -156,22 +156,22 @@ class Pool:
         return self.make("col", kind, (index,), (relation, column), bounds)
 
     def rows(self, relation: Relation) -> Node:
-        """The rows that a loop visits: all, or all after the one that `first` names."""
+        """Return the rows that a loop visits: all, or all after the one that `first` names."""
         return self.make("facts" if relation.first is None else "others", "rows", (), relation)
 
     def row(self, relation: Relation) -> Node:
-        """The first row of a relation that always has one."""
+        """Return the first row of a relation that always has one."""
         return self.make("row", "index", (), relation)
 
     def fresh_loop(self, rows: Node) -> Node:
-        """A loop that no quantifier binds yet."""
+        """Return a loop that no quantifier binds yet."""
         self._levels += 1
         return self.make("loop", "index", (rows,), self._levels)
 
     # ---------------------------------------------------------------- truth
 
     def not_(self, node: Node) -> Node:
-        """Negation."""
+        """Return the negation."""
         if node.is_const:
             return self.const(not node.data)
         if node.op == "not":
@@ -183,7 +183,7 @@ class Pool:
         return self.make("not", "bool", (node,))
 
     def and_(self, nodes: Iterable[Node]) -> Node:
-        """Conjunction, in order."""
+        """Return the conjunction, in order."""
         parts: dict[Node, None] = {}
         for node in nodes:
             parts.update(dict.fromkeys(node.args if node.op == "and" else (node,)))
@@ -211,7 +211,7 @@ class Pool:
         return self.make("and", "bool", tuple(parts))
 
     def _under(self, part: Node, known: Mapping[Node, None]) -> Node:
-        """What is left of a conjunct where the others hold."""
+        """Return a conjunct simplified by the others."""
         if part.op == "or":
             if any(
                 arg in known or (arg.op == "and" and all(a in known for a in arg.args)) for arg in part.args
@@ -231,7 +231,7 @@ class Pool:
         return part
 
     def _excluded(self, part: Node, known: Mapping[Node, None]) -> bool:
-        """Whether a conjunct contradicts another."""
+        """Return whether a conjunct contradicts another."""
         if self.not_(part) in known:
             return True
         if part.op == "lt":
@@ -247,7 +247,7 @@ class Pool:
         return False
 
     def or_(self, nodes: Iterable[Node]) -> Node:
-        """Disjunction, in order."""
+        """Return the disjunction, in order."""
         parts: dict[Node, None] = {}
         for node in nodes:
             parts.update(dict.fromkeys(node.args if node.op == "or" else (node,)))
@@ -268,7 +268,7 @@ class Pool:
         return self.make("or", "bool", tuple(parts))
 
     def _beside(self, part: Node, known: Mapping[Node, None]) -> Node:
-        """What is left of a disjunct where the others do not hold."""
+        """Return a disjunct simplified by the others not holding."""
         if part.op != "and":
             return part
         if any(arg in known for arg in part.args):
@@ -277,7 +277,7 @@ class Pool:
         return part if len(kept) == len(part.args) else self.and_(kept)
 
     def less(self, left: Node, right: Node) -> Node:
-        """left < right, both of one kind of number; never given a NaN."""
+        """Return left < right, both of one kind of number; never given a NaN."""
         if left is right or left.low >= right.high:
             return self.false
         if left.high < right.low:
@@ -285,7 +285,7 @@ class Pool:
         return self.make("lt", "bool", (left, right))
 
     def equal(self, left: Node, right: Node) -> Node:
-        """left equals right, both of one kind. As in the engine, 0.0 and -0.0 are equal."""
+        """Return left = right, both of one kind. As in the engine, 0.0 and -0.0 are equal."""
         if left is right:
             return self.true
         if left.is_const and right.is_const:
@@ -310,7 +310,7 @@ class Pool:
     # ---------------------------------------------------------------- choice
 
     def choose(self, cond: Node, then: Node, els: Node) -> Node:
-        """`then` where `cond` holds, else `els`."""
+        """Return `then` if `cond` holds, else `els`."""
         if cond.is_const:
             return then if cond.data else els
         if then is els:
@@ -334,25 +334,25 @@ class Pool:
     # ---------------------------------------------------------------- quantifiers
 
     def exists(self, loop: Node, cond: Node) -> Node:
-        """Some row meets the condition."""
+        """Return the condition that some row meets `cond`."""
         fixed, inner = _split(loop, cond)
         return self.and_([*fixed, self._quantify("any", "bool", loop, self.and_(inner))])
 
     def first(self, loop: Node, cond: Node) -> Node:
-        """The first row that meets the condition; any row where none does."""
+        """Return the first row that meets the condition; any row if none does."""
         _, inner = _split(loop, cond)
         return self._quantify("first", "index", loop, self.and_(inner))
 
     def count(self, loop: Node, cond: Node) -> Node:
-        """How many rows meet the condition."""
+        """Return the number of rows that meet the condition."""
         fixed, inner = _split(loop, cond)
         counted = self._quantify("count", "int", loop, self.and_(inner), bounds=(0.0, 1e6))
         return self.choose(self.and_(fixed), counted, self.const(0))
 
     def extreme(self, op: str, loop: Node, cond: Node, value: Node) -> Node:
-        """The least or greatest value over the rows that meet the condition, or the first row that has it.
+        """Return the extreme value over the rows that meet the condition, or the first row that has it.
 
-        `op` is min_of, max_of, argmin or argmax. Where no row meets the condition the value means nothing.
+        `op` is min_of, max_of, argmin or argmax. It is undefined if no row meets the condition.
         """
         _, inner = _split(loop, cond)
         if loop not in value.free:
@@ -362,7 +362,7 @@ class Pool:
         return self._quantify(op, "index", loop, self.and_(inner), (value,))
 
     def total(self, loop: Node, cond: Node, value: Node, start: Node, bounds: Interval) -> Node:
-        """`start` and then the values of the rows that meet the condition, added in order."""
+        """Return `start` plus the values of the rows that meet the condition, added in order."""
         fixed, inner = _split(loop, cond)
         added = self._quantify("sum", value.kind, loop, self.and_(inner), (value, start), bounds)
         return self.choose(self.and_(fixed), added, start)
@@ -401,14 +401,14 @@ class Pool:
         return self.make(op, kind, (bound, cond, *values), None, bounds)
 
     def _where(self, rows: Node, loop: Node, cond: Node) -> Node:
-        """The rows that meet a condition of their own."""
+        """Return the rows that meet a condition of their own."""
         bound = self.make("loop", "index", (rows,), 0)
         return self.make("where", "rows", (rows, bound, self.substitute(cond, {loop: bound})))
 
     # ---------------------------------------------------------------- substitution
 
     def substitute(self, node: Node, mapping: Mapping[Node, Node]) -> Node:
-        """`node` with other nodes in place of loops."""
+        """Return `node` with other nodes in place of loops."""
         return self._substitute(node, mapping, {})
 
     def _substitute(self, node: Node, mapping: Mapping[Node, Node], done: dict[Node, Node]) -> Node:
@@ -419,7 +419,7 @@ class Pool:
         known = done.get(node)
         if known is None:
             if node.op in QUANTIFIERS:
-                # a bound loop of its own, so that what comes in cannot be captured
+                # a fresh bound loop, so that substituted nodes are not captured
                 fresh = self.fresh_loop(node.args[0].args[0])
                 inner = {**mapping, node.args[0]: fresh}
                 known = self._requantify(node, fresh, [self.substitute(arg, inner) for arg in node.args[1:]])
@@ -443,7 +443,7 @@ class Pool:
         return self.extreme(node.op, loop, parts[0], parts[1])
 
     def rebuild(self, node: Node, args: tuple[Node, ...]) -> Node:
-        """The operation of `node` on other arguments."""
+        """Return the operation of `node` on other arguments."""
         simple: dict[str, Callable[..., Node]] = {
             "not": self.not_,
             "lt": self.less,
@@ -462,12 +462,12 @@ class Pool:
 
 
 def conjuncts(node: Node) -> tuple[Node, ...]:
-    """The parts of a conjunction."""
+    """Return the parts of a conjunction."""
     return node.args if node.op == "and" else (node,)
 
 
 def reach(roots: Iterable[Node], known: Container[Node] = ()) -> dict[Node, None]:
-    """Every node that the roots are made of, arguments first; what is known is left out with its parts."""
+    """Return all nodes below the roots, arguments first; known nodes and their parts are left out."""
     found: dict[Node, None] = {}
 
     def visit(node: Node) -> None:
@@ -482,20 +482,20 @@ def reach(roots: Iterable[Node], known: Container[Node] = ()) -> dict[Node, None
 
 
 def _split(loop: Node, cond: Node) -> tuple[list[Node], list[Node]]:
-    """The conjuncts that do not depend on the loop, and those that do."""
+    """Return the conjuncts that do not depend on the loop, and those that do."""
     fixed = [part for part in conjuncts(cond) if loop not in part.free]
     return fixed, [part for part in conjuncts(cond) if loop in part.free]
 
 
 def _holds_loop_inside(node: Node, loop: Node) -> bool:
-    """Whether a quantifier inside `node` depends on `loop`."""
+    """Return whether a quantifier inside `node` depends on `loop`."""
     if loop not in node.free:
         return False
     return node.op in QUANTIFIERS or any(_holds_loop_inside(arg, loop) for arg in node.args)
 
 
 def _ranges_over_others(index: Node) -> bool:
-    """Whether an index is surely not the first row of its relation."""
+    """Return whether an index is surely not the first row of its relation."""
     if index.op in ("loop", "first", "argmin", "argmax"):
         return _base(index).op == "others"
     return index.op == "select" and all(_ranges_over_others(arg) for arg in index.args[1:])

@@ -1,8 +1,8 @@
 """Arithmetic on nodes: the kinds of numbers, where an operation is defined, how large a result can be.
 
-Every operation is total: where Prolog would raise an error its value means nothing, and the condition that it
-has a value is kept apart. The bounds of a result follow from those of the arguments, so most conditions are
-known to hold when a program is lowered.
+Every operation is total: where Prolog would raise an error its value is undefined, and the condition that it
+has a value is kept separately. The bounds of a result follow from those of the arguments, so most conditions
+are known to hold when a program is lowered.
 
 Source: ISO 13211-1, 9, as `drlsl.logic.core.arithmetic` reads it.
 """
@@ -19,10 +19,10 @@ from drlsl.lowering.ir.schema import INT_BOUND
 from drlsl.lowering.ir.trees import Sym, resolve
 
 LARGEST: Final = 1e300
-"""No float result may be larger: further operations then stay clear of overflow for a while."""
+"""Largest float result, so that further operations cannot overflow at once."""
 
 SMALLEST_DIVISOR: Final = 1e-30
-"""Division by less is left to the interpreter."""
+"""Smallest divisor; division by less is left to the interpreter."""
 
 _MOST_MULTIPLICATIONS: Final = 16
 
@@ -30,7 +30,7 @@ CONSTANTS: Final = {"pi": math.pi, "e": math.e}
 
 
 def truncated(left: int, right: int) -> int:
-    """Integer division toward zero; 0 for a zero divisor."""
+    """Return integer division toward zero; 0 for a zero divisor."""
     if right == 0:
         return 0
     quotient = abs(left) // abs(right)
@@ -38,7 +38,7 @@ def truncated(left: int, right: int) -> int:
 
 
 def rounded(value: float) -> int:
-    """The nearest integer, a half upward in magnitude; 0 where there is none."""
+    """Return the nearest integer, a half upward in magnitude; 0 for NaN and infinities."""
     if not math.isfinite(value):
         return 0
     whole = math.trunc(value)
@@ -47,7 +47,7 @@ def rounded(value: float) -> int:
 
 
 def sign(value: float) -> float:
-    """1.0, -1.0, or a zero as it is."""
+    """Return 1.0, -1.0, or the value itself if it is a zero."""
     return math.copysign(1.0, value) if value != 0.0 else value
 
 
@@ -82,7 +82,7 @@ FUNCTIONS: Final[dict[str, Callable[..., float]]] = {
         *("atanh", "pow"),
     )
 }
-"""The functions that the C library computes: NaN where they have no value."""
+"""The functions that the C library computes: NaN where they are undefined."""
 
 _NEEDS_POSITIVE: Final = frozenset({"log"})
 
@@ -110,7 +110,7 @@ OPERATIONS: Final[dict[str, Callable[..., Any]]] = {
     "bitor": lambda a, b: a | b,
     "bitxor": lambda a, b: a ^ b,
 }
-"""The operations on numbers as every tier computes them; what has no value means nothing."""
+"""The operations on numbers as every tier computes them; undefined where Prolog raises an error."""
 
 _INT_DIVISIONS: Final = {"//": "truncdiv", "div": "floordiv", "mod": "mod", "rem": "rem"}
 _BIT_OPERATIONS: Final = {"/\\": "bitand", "\\/": "bitor", "xor": "bitxor"}
@@ -138,8 +138,8 @@ class NotCovered(Exception):
 class Arithmetic:
     """Evaluates one expression; `needed` collects the conditions under which it has a value.
 
-    Each condition comes with what goes wrong where it does not hold. With the flag `iso` on, ``/`` and ``**``
-    of integers give a float.
+    Each condition comes with the error if it does not hold. With the flag `iso` on, ``/`` and ``**`` of
+    integers give a float.
     """
 
     def __init__(self, pool: Pool, *, iso: bool) -> None:
@@ -148,12 +148,12 @@ class Arithmetic:
         self.needed: list[tuple[Node, str]] = []
 
     def need(self, cond: Node, otherwise: str) -> None:
-        """Note that the value is only defined where `cond` holds; `otherwise` says what goes wrong."""
+        """Record that the value is only defined if `cond` holds; `otherwise` describes the error."""
         if cond is not self.pool.true:
             self.needed.append((cond, otherwise))
 
     def evaluate(self, term: Sym) -> Node:
-        """The value of an expression.
+        """Return the value of an expression.
 
         Raises:
             NoValue: it has none.
@@ -166,7 +166,7 @@ class Arithmetic:
             return self._distribute(self._within, term) or self._within(term)
         if isinstance(term, int | float):
             if isinstance(term, float) and not math.isfinite(term):
-                raise NotCovered(f"{term} is no number that generated code can hold")
+                raise NotCovered(f"{term} is not a number that generated code can represent")
             return self._within(self.pool.const(term))
         if isinstance(term, Struct):
             if len(term.args) == 2:
@@ -193,7 +193,7 @@ class Arithmetic:
     # ---------------------------------------------------------------- kinds
 
     def _distribute(self, function: Callable[..., Node], *args: Node) -> Node | None:
-        """`function` on each side of an argument that is an integer in some scenes and a float in others."""
+        """Return `function` for each side of an argument that is an integer or a float by the scene."""
         for place, arg in enumerate(args):
             if arg.kind == "number":
                 before, after = args[:place], args[place + 1 :]
@@ -217,7 +217,7 @@ class Arithmetic:
         return self.pool.choose(cond, values[0], values[-1])
 
     def to_float(self, node: Node) -> Node:
-        """A number as a float."""
+        """Return a number as a float."""
         if node.kind == "float":
             return node
         if node.op == "select" and node.kind == "int" and any(arg.is_const for arg in node.args[1:]):
@@ -238,14 +238,14 @@ class Arithmetic:
         return self.pool.make(op, kind, args, data, bounds)
 
     def _within(self, node: Node, largest: float | None = None) -> Node:
-        """`node`, which has a value only while it is not too large."""
+        """Return `node`, defined only while it is not too large."""
         most = largest if largest is not None else float(INT_BOUND) if node.kind == "int" else LARGEST
         if -most <= node.low and node.high <= most:
             return node
         if node.is_const and not math.isfinite(node.data):
             raise NoValue  # the interpreter raises an evaluation error
         if node.is_const:
-            raise NotCovered(f"{node.data} is out of the range that generated code holds")
+            raise NotCovered(f"{node.data} is out of the range of generated code")
         unit = "an integer" if node.kind == "int" else "a number"
         self.need(self.pool.make("within", "bool", (node,), most), f"{unit} beyond {most:g}")
         return node
@@ -253,7 +253,7 @@ class Arithmetic:
     # ---------------------------------------------------------------- operations
 
     def binary(self, name: str, left: Node, right: Node) -> Node:
-        """The value of a binary operation."""
+        """Return the value of a binary operation."""
         spread = self._distribute(lambda a, b: self.binary(name, a, b), left, right)
         if spread is not None:
             return spread
@@ -276,7 +276,7 @@ class Arithmetic:
         raise NotCovered(f"generated code has no {name}/2")
 
     def unary(self, name: str, arg: Node) -> Node:
-        """The value of a unary operation."""
+        """Return the value of a unary operation."""
         spread = self._distribute(lambda a: self.unary(name, a), arg)
         if spread is not None:
             return spread
@@ -340,7 +340,7 @@ class Arithmetic:
         corners = [a * b for a in (left.low, left.high) for b in (right.low, right.high)]
         low = max(min(corners), 0.0) if left is right else min(corners)
         if kind == "int" and max(map(abs, corners)) > INT_BOUND:
-            # the product itself might wrap around: judge it as a float, where it is exact enough
+            # the product itself might wrap around: check it as a float, which is exact enough
             self._within(self._ring("*", self.to_float(left), self.to_float(right)), float(INT_BOUND // 2))
             most = float(INT_BOUND)
             return self.pool.make(
@@ -390,7 +390,7 @@ class Arithmetic:
                 return left
             bounds = (pick(left.low, right.low), pick(left.high, right.high))
             return self._make(name, left.kind, (left, right), bounds)
-        # of equal numbers of unlike kinds the float is taken
+        # of equal numbers of different kinds the float is taken
         whole, real = (left, right) if left.kind == "int" else (right, left)
         as_float = self.to_float(whole)
         if name == "max":
@@ -408,7 +408,7 @@ class Arithmetic:
         return self._power_of_floats(*self._pair(left, right))
 
     def _power_of_floats(self, base: Node, exponent: Node) -> Node:
-        """The power as the C library has it: none of 0 to less than 0, none of less than 0 to a fraction."""
+        """Return the C library's power: undefined for 0 to less than 0, or less than 0 to a fraction."""
         pool, zero = self.pool, self.pool.const(0.0)
         negative, nothing = pool.less(base, zero), pool.equal(base, zero)
         defined = [pool.not_(pool.and_([nothing, pool.less(exponent, zero)]))]
@@ -435,7 +435,7 @@ class Arithmetic:
     # ---------------------------------------------------------------- comparison
 
     def compare(self, name: str, left: Node, right: Node) -> Node:
-        """The truth of a comparison."""
+        """Return the truth of a comparison."""
         spread = self._distribute(lambda a, b: self.compare(name, a, b), left, right)
         if spread is not None:
             return spread
@@ -453,12 +453,12 @@ class Arithmetic:
 
 
 def is_checked_divisor(node: Node) -> bool:
-    """Whether a division by a number is only defined where that is not too near to 0."""
+    """Return whether a division by a number is only defined if that is not too close to 0."""
     return node.low <= SMALLEST_DIVISOR and node.high >= -SMALLEST_DIVISOR and not node.is_const
 
 
 def _power_bounds(base: Node, exponent: Node) -> Interval:
-    """Bounds of a power with a constant exponent of 0 or more, where it has a value."""
+    """Return bounds of a power with a constant exponent of 0 or more, where it is defined."""
     if not exponent.is_const or exponent.data < 0:
         return UNKNOWN
     whole = exponent.data == int(exponent.data)
@@ -483,7 +483,7 @@ def _mod_bounds(right: Node) -> Interval:
 
 
 def _forward(pool: Pool, node: Node) -> Node:
-    """A difference turned round so that its later argument comes first; the magnitude stays the same."""
+    """Return a difference reversed if its later argument is second; the magnitude is the same."""
     if node.op == "sub" and node.kind == "float":
         left, right = node.args
         if left.order < right.order:

@@ -1,4 +1,4 @@
-"""Why a program, or one scene, cannot be answered by generated code."""
+"""Reasons why generated code cannot answer for a program, or for one scene."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from drlsl.logic.syntax import Span
 
 
 class NotLowerable(Exception):
-    """A rule that only the interpreter can run: which predicate, where, and why.
+    """A rule that only the interpreter can run: the predicate, the place and the reason.
 
-    `predicate` is written name/arity; `span` is where the clause was read, None where that is not known.
+    `predicate` is written name/arity; `span` is where the clause was read, None if unknown.
     """
 
     def __init__(self, predicate: str, span: Span | None, reason: str) -> None:
@@ -26,15 +26,16 @@ class NotLowerable(Exception):
 
 
 class Undecided(Exception):
-    """Generated code cannot answer for this scene: ask the interpreter, which may raise an error of its own.
+    """Generated code cannot answer for this scene: query the interpreter, which may raise an error.
 
-    A fact of another kind than the schema says, a number out of bounds, an arithmetic error on the way.
+    Reasons: a fact of another kind than in the schema, a number out of bounds, an arithmetic error on the
+    way.
     """
 
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """Why generated code can be undecided: in which clause (None where it is not known) what happens."""
+    """A reason why generated code can be undecided, and its clause (None if unknown)."""
 
     span: Span | None
     reason: str

@@ -1,4 +1,4 @@
-"""What a lowered program may assume about its facts."""
+"""The assumptions of a lowered program about its facts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Kind: TypeAlias = Literal["atom", "int", "float"]
 FLOAT_BOUND: Final = 1e15
 """A float fact beyond this, or one that is not finite, sends its scene to the interpreter.
 
-Within the bound the back ends can tell at lowering time which operations cannot overflow.
+Within the bound the back ends know at lowering time which operations cannot overflow.
 """
 
 FLOAT32_BOUND: Final = 2.0**24
@@ -28,8 +28,8 @@ class Relation:
 
     `columns` gives the kind of each argument. A `single` relation has exactly one row. In column `key` no two
     rows have the same value. `first` is the atom that the key of the first row always has; it needs `key`.
-    `capacity` is the number of rows that are expected at most; more rows are slower, never wrong. `fields`
-    names the columns in generated code.
+    `capacity` is the largest expected number of rows; more rows are slower, never wrong. `fields` names the
+    columns in generated code.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Relation:
 
     def __post_init__(self) -> None:
         if self.key is not None and not 0 <= self.key < len(self.columns):
-            raise ValueError(f"{self.name}: key {self.key} is no column of 0 to {len(self.columns) - 1}")
+            raise ValueError(f"{self.name}: key {self.key} is not a column from 0 to {len(self.columns) - 1}")
         if self.first is not None and (self.key is None or self.columns[self.key] != "atom"):
             raise ValueError(f"{self.name}: first={self.first!r} needs a key column of atoms")
         if self.fields and len(self.fields) != len(self.columns):
@@ -58,7 +58,7 @@ class Relation:
     def conform(self, rows: Iterable[Sequence[Any]]) -> list[tuple[str | int | float, ...]]:
         """Return the rows with each value of its column's kind, as every tier reads them.
 
-        An integer in a column of floats becomes that float, and NumPy's numbers become Python's. NaN stays,
+        An integer in a column of floats becomes that float, and NumPy's numbers become Python's. NaN is kept,
         for the tier that reads it to refuse.
 
         Raises:
@@ -116,5 +116,5 @@ class Schema:
         self.relations: Final = {(relation.name, relation.arity): relation for relation in relations}
 
     def find(self, name: str, arity: int) -> Relation | None:
-        """The relation of that name and arity, if the schema declares it."""
+        """Return the relation of that name and arity, if the schema declares it."""
         return self.relations.get((name, arity))

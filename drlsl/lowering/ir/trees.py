@@ -1,4 +1,4 @@
-"""Solutions as trees: what a goal yields, in Prolog's order, before it is folded into expressions."""
+"""Solutions as trees: the solutions of a goal, in Prolog's order, before they become expressions."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drlsl.logic.terms import Atom, Struct, Var, deref
 from drlsl.lowering.ir.nodes import Node, Pool, conjuncts
 
 Sym: TypeAlias = Any
-"""A term in which a node may stand for a constant that depends on the facts."""
+"""A term in which a node stands for a constant that depends on the facts."""
 
 
 def resolve(term: Sym) -> Sym:
-    """The term that a chain of bound variables leads to."""
+    """Return the term that a chain of bound variables leads to."""
     return deref(term)
 
 
@@ -32,7 +32,7 @@ class Emit:
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """The solutions of `body` where `cond` holds."""
+    """The solutions of `body` if `cond` holds."""
 
     cond: Node
     body: Tree
@@ -40,7 +40,7 @@ class Guard:
 
 @dataclass(frozen=True, slots=True)
 class Require:
-    """The solutions of `body`; an error where `cond` does not hold."""
+    """The solutions of `body`; an error if `cond` does not hold."""
 
     cond: Node
     body: Tree
@@ -75,25 +75,25 @@ FAIL: Final = Fail()
 
 
 class CannotMerge(Exception):
-    """Two solutions have values that no one expression can give."""
+    """Two solutions have values that no single expression can give."""
 
 
 def guard(cond: Node, body: Tree) -> Tree:
-    """`body` where `cond` holds."""
+    """Return `body` if `cond` holds."""
     if cond.is_const:
         return body if cond.data else FAIL
     return FAIL if isinstance(body, Fail) else Guard(cond, body)
 
 
 def require(cond: Node, body: Tree) -> Tree:
-    """`body`, or an error where `cond` does not hold."""
+    """Return `body`, or an error if `cond` does not hold."""
     if cond.is_const:
         return body if cond.data else Require(cond, FAIL)
     return Require(cond, body)
 
 
 def branch(cond: Node, then: Tree, els: Tree) -> Tree:
-    """`then` where `cond` holds, else `els`."""
+    """Return `then` if `cond` holds, else `els`."""
     if cond.is_const:
         return then if cond.data else els
     if isinstance(els, Fail):
@@ -102,7 +102,7 @@ def branch(cond: Node, then: Tree, els: Tree) -> Tree:
 
 
 def seq(parts: Iterable[Tree]) -> Tree:
-    """One after another."""
+    """Return the solutions of the parts, one after another."""
     flat: list[Tree] = []
     for part in parts:
         flat.extend(part.parts if isinstance(part, Seq) else () if isinstance(part, Fail) else (part,))
@@ -112,19 +112,19 @@ def seq(parts: Iterable[Tree]) -> Tree:
 
 
 def each(loop: Node, body: Tree) -> Tree:
-    """`body` for every row."""
+    """Return `body` for every row."""
     return FAIL if isinstance(body, Fail) else Each(loop, body)
 
 
 def leaves(tree: Tree) -> int:
-    """How many solutions are written in the tree."""
+    """Return the number of solutions written in the tree."""
     if isinstance(tree, Emit):
         return 1
     return sum(leaves(child) for child in children(tree))
 
 
 def emitted(tree: Tree) -> Iterator[Emit]:
-    """The solutions that are written in the tree, in order."""
+    """Yield the solutions written in the tree, in order."""
     if isinstance(tree, Emit):
         yield tree
     for child in children(tree):
@@ -132,12 +132,12 @@ def emitted(tree: Tree) -> Iterator[Emit]:
 
 
 def has_each(tree: Tree) -> bool:
-    """Whether the tree loops over rows."""
+    """Return whether the tree loops over rows."""
     return isinstance(tree, Each) or any(has_each(child) for child in children(tree))
 
 
 def children(tree: Tree) -> tuple[Tree, ...]:
-    """The trees just below."""
+    """Return the trees just below."""
     if isinstance(tree, Guard | Require | Each):
         return (tree.body,)
     if isinstance(tree, Branch):
@@ -146,7 +146,7 @@ def children(tree: Tree) -> tuple[Tree, ...]:
 
 
 def map_terms(function: Callable[[Sym], Sym], term: Sym) -> Sym:
-    """`term` with `function` applied to the nodes, variables and constants in it."""
+    """Return `term` with `function` applied to the nodes, variables and constants in it."""
     if isinstance(term, Var):
         term = resolve(term)
     if isinstance(term, Struct):
@@ -164,7 +164,7 @@ class Bag:
 
 
 def substitute_tree(tree: Tree, function: Callable[[Sym], Sym]) -> Tree:
-    """The tree with `function` applied to every node and every emitted term's parts."""
+    """Return the tree with `function` applied to every node and every emitted term's parts."""
     if isinstance(tree, Emit):
         return Emit(tuple(map_terms(function, term) for term in tree.terms))
     if isinstance(tree, Guard):
@@ -182,13 +182,13 @@ def substitute_tree(tree: Tree, function: Callable[[Sym], Sym]) -> Tree:
 
 
 def rename_loop(pool: Pool, tree: Each, index: Node) -> Tree:
-    """The body of a loop with another index in place of its own."""
+    """Return the body of a loop with another index in place of its own."""
     mapping = {tree.loop: index}
     return substitute_tree(tree.body, substitution(pool, mapping))
 
 
 def substitution(pool: Pool, mapping: Mapping[Node, Node]) -> Callable[[Sym], Sym]:
-    """What replaces loops in a term's parts."""
+    """Return the function that replaces loops in a term's parts."""
     return lambda part: pool.substitute(part, mapping) if isinstance(part, Node) else part
 
 
@@ -201,7 +201,7 @@ class Folder:
     # ---------------------------------------------------------------- whether there is a solution
 
     def exists(self, tree: Tree) -> Node:
-        """There is a solution."""
+        """Return the condition that there is a solution."""
         pool = self.pool
         if isinstance(tree, Emit):
             return pool.true
@@ -218,9 +218,9 @@ class Folder:
         return pool.false
 
     def undecided(self, tree: Tree, *, whole: bool) -> Node:
-        """An error may come up on the way to the first solution, or to the `whole` of them.
+        """Return the condition for an error on the way to the first solution, or to the `whole` of them.
 
-        Within a loop, rows behind the first solution count too: the interpreter then has the last word.
+        Within a loop, rows behind the first solution count, too: the interpreter then decides.
         """
         pool = self.pool
         if isinstance(tree, Guard):
@@ -244,7 +244,7 @@ class Folder:
     # ---------------------------------------------------------------- the first solution
 
     def first(self, tree: Tree) -> tuple[Node, tuple[Sym, ...]]:
-        """Whether there is a solution, and the terms of the first.
+        """Return whether there is a solution, and the terms of the first.
 
         Raises:
             CannotMerge: no expressions give the terms.
@@ -281,7 +281,7 @@ class Folder:
         return tuple(self.merge(cond, one, other) for one, other in zip(then[1], els[1], strict=True))
 
     def merge(self, cond: Node, then: Sym, els: Sym) -> Sym:
-        """The term that is `then` where `cond` holds, else `els`."""
+        """Return the term that is `then` if `cond` holds, else `els`."""
         then, els = resolve(then), resolve(els)
         if then is els:
             return then
@@ -298,7 +298,7 @@ class Folder:
         return self.choose_column(cond, one, other)
 
     def choose_column(self, cond: Node, then: Node, els: Node) -> Node:
-        """As `Pool.choose`; of two keys of one relation, the key of the row chosen."""
+        """Return `Pool.choose`; for two keys of one relation, the key of the chosen row."""
         if then is not els and not cond.is_const:
             one, other = self.key_index(then, els), self.key_index(els, then)
             if one is not None and other is not None:
@@ -307,7 +307,7 @@ class Folder:
         return self.pool.choose(cond, then, els)
 
     def key_index(self, node: Node, other: Node) -> Node | None:
-        """The row whose key `node` is, where `other` is a key of the same relation."""
+        """Return the row whose key `node` is, if `other` is a key of the same relation."""
         if node.op == "col":
             relation, column = node.data
             return node.args[0] if column == relation.key else None
@@ -319,7 +319,7 @@ class Folder:
         return None
 
     def as_node(self, term: Sym) -> Node | None:
-        """A constant or node as a node."""
+        """Return a constant or node as a node."""
         if isinstance(term, Node):
             return term
         return self.pool.const(term) if isinstance(term, Atom | int | float) else None
@@ -327,7 +327,7 @@ class Folder:
     # ---------------------------------------------------------------- all solutions together
 
     def count(self, tree: Tree) -> Node:
-        """How many solutions there are."""
+        """Return the number of solutions."""
         cond, number = self._count(tree)
         return self.pool.choose(cond, number, self.pool.const(0))
 
@@ -365,7 +365,7 @@ class Folder:
         )
 
     def extreme(self, tree: Tree, least: bool) -> tuple[Node, Node, tuple[Sym, ...]]:
-        """Whether there is a solution, the least or greatest first term, and the other terms with it."""
+        """Return whether there is a solution, the least or greatest first term, and its other terms."""
         pool = self.pool
         if isinstance(tree, Emit):
             return pool.true, tree.terms[0], tree.terms[1:]
@@ -417,7 +417,7 @@ class Folder:
         return found, self.pool.choose(cond, one[1], other[1]), terms
 
     def total(self, tree: Tree) -> Node:
-        """The sum of the first terms, added in order to 0.
+        """Return the sum of the first terms, added in order to 0.
 
         Raises:
             CannotMerge: no expression adds these numbers in that order.
@@ -433,7 +433,7 @@ class Folder:
         return self._total(tree, self.pool.const(0))
 
     def _total(self, tree: Tree, start: Node) -> Node:
-        """The sum added to `start`."""
+        """Return the sum added to `start`."""
         pool = self.pool
         if isinstance(tree, Emit):
             return self._add(start, tree.terms[0])
@@ -468,7 +468,7 @@ class Folder:
     # ---------------------------------------------------------------- how many solutions at most
 
     def single(self, tree: Tree) -> bool:
-        """Whether there is at most one solution."""
+        """Return whether there is at most one solution."""
         if isinstance(tree, Each):
             return False
         if isinstance(tree, Seq):
@@ -478,7 +478,7 @@ class Folder:
         return all(map(self.single, children(tree)))
 
     def necessary(self, tree: Tree) -> frozenset[Node]:
-        """Conditions without which there is no solution."""
+        """Return conditions without which there is no solution."""
         if isinstance(tree, Guard):
             return frozenset(conjuncts(tree.cond)) | self.necessary(tree.body)
         if isinstance(tree, Require):
@@ -495,7 +495,7 @@ class Folder:
 
 
 def alternatives(pool: Pool, tree: Tree, path: Node | None = None) -> Iterator[tuple[Node, tuple[Sym, ...]]]:
-    """Every solution of a tree without loops, in order, with the condition under which it is one."""
+    """Yield every solution of a tree without loops, in order, with its condition."""
     path = pool.true if path is None else path
     if isinstance(tree, Emit):
         yield path, tree.terms
