@@ -1,4 +1,4 @@
-"""The one error class for what a user can put right."""
+"""The one error class for mistakes that a user can correct."""
 
 
 class UserError(Exception):

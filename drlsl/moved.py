@@ -1,4 +1,4 @@
-"""Modules that have moved since 0.1, and a finder that says where to."""
+"""Modules that have moved since 0.1, and a finder that reports their new place."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ MOVED: Final = {f"drlsl.{old}": home for home, modules in _CAME_FROM.items() for
 
 
 class _Signpost(MetaPathFinder):
-    """Asked last, for modules that nobody has found."""
+    """The last finder, for modules that no other has found."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:
-        """Say where a module has moved to.
+        """Report where a module has moved to.
 
         Raises:
             ModuleNotFoundError: it has moved.
@@ -89,5 +89,5 @@ class _Signpost(MetaPathFinder):
 
 
 def say_where() -> None:
-    """Have the import of a module that has moved fail with a line that says where to."""
+    """Have the import of a moved module fail with a line that names its new place."""
     sys.meta_path.append(_Signpost())

@@ -1,4 +1,4 @@
-"""Tells Gymnasium about the environments, without importing Gymnasium for those who only ask the rules."""
+"""Register the environments with Gymnasium, without importing it for users of the rules alone."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from drlsl.logic.syntax import ReadTerm
 from drlsl.logic.terms import Struct, Term, Var
 
 Place: TypeAlias = int
-"""Where a term stands in a table."""
+"""The index of a term in a table."""
 
 _VAR: Final = 0
 _STRUCT: Final = 1
@@ -21,17 +21,17 @@ _SIMPLE: Final = 2
 
 
 class TermTable:
-    """Terms side by side; `items` is plain data, from which the terms can be made anew."""
+    """Terms side by side; `items` is plain data, from which the terms can be rebuilt."""
 
     def __init__(self, items: list[tuple[Any, ...]] | None = None) -> None:
-        """An empty table, or one of another table's `items`, whose terms are new ones."""
+        """Make an empty table, or one of another table's `items`, with new terms."""
         self.items: list[tuple[Any, ...]] = [] if items is None else items
         self._terms = _made(self.items)
         self._places: dict[int, Place] = {}  # by identity
         self._unfilled: list[tuple[Place, Var | Struct]] = []
 
     def put(self, term: Term) -> Place:
-        """The place of a term, which is added unless it is there."""
+        """Return the place of a term, adding it if necessary."""
         place = self._place(term)
         while self._unfilled:
             at, found = self._unfilled.pop()
@@ -43,27 +43,27 @@ class TermTable:
         return place
 
     def get(self, place: Place) -> Any:
-        """The term at a place."""
+        """Return the term at a place."""
         return self._terms[place]
 
     def place_of(self, identity: int) -> Place | None:
-        """The place of the term with that `id`, if it was put here."""
+        """Return the place of the term with that `id`, if it was put here."""
         return self._places.get(identity)
 
     def _place(self, term: Term) -> Place:
-        """The place of a term; what it consists of follows later."""
+        """Return the place of a term; its parts are added later."""
         place = self._places.get(id(term))
         if place is None:
             place = self._places[id(term)] = len(self.items)
             self.items.append((_SIMPLE, term))
-            self._terms.append(term)  # which keeps its identity from being given to another
+            self._terms.append(term)  # which keeps its identity from being reused
             if type(term) is Var or type(term) is Struct:
                 self._unfilled.append((place, term))
         return place
 
 
 def _made(items: list[tuple[Any, ...]]) -> list[Term]:
-    """New terms: first all, then what each consists of."""
+    """Return new terms: first create all, then fill in their parts."""
     terms: list[Term] = [
         Var(item[1]) if item[0] == _VAR else Struct(item[1], ()) if item[0] == _STRUCT else item[1]
         for item in items
@@ -77,14 +77,14 @@ def _made(items: list[tuple[Any, ...]]) -> list[Term]:
 
 
 def put_clause(clause: Clause, table: TermTable) -> tuple[Any, ...]:
-    """A clause as plain data, its terms in a table."""
+    """Return a clause as plain data, its terms in a table."""
     names = {name: table.put(variable) for name, variable in clause.names.items()}
     origin = _put_read(clause.origin, table) if isinstance(clause.origin, ReadTerm) else None
     return table.put(clause.head), table.put(clause.body), clause.span, names, clause.source, origin
 
 
 def get_clause(data: tuple[Any, ...], table: TermTable) -> Clause:
-    """The clause that `put_clause` was given, made anew."""
+    """Return the clause that was given to `put_clause`, rebuilt."""
     head, body, span, names, source, origin = data
     variables = {name: table.get(place) for name, place in names.items()}
     read = None if origin is None else _get_read(origin, table)

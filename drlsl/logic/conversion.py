@@ -1,8 +1,8 @@
-"""Terms as Python values and back: what the public API hands out and takes.
+"""Terms as Python values and back, for the public API.
 
 An atom is a `str`, a number an `int` or a `float`, a proper list a `list`; another compound term is a
-`Compound`, an unbound variable a `Variable`, and Prolog's own string type a `String`, which is a `str` that
-knows it is no atom.
+`Compound`, an unbound variable a `Variable`, and Prolog's own string type a `String`, a subclass of `str` to
+distinguish it from atoms.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from drlsl.logic.terms import (
 
 @dataclass(frozen=True, slots=True)
 class Compound:
-    """A compound term that is no list."""
+    """A compound term that is not a list."""
 
     name: str
     args: tuple[Value, ...]
@@ -55,7 +55,7 @@ class String(str):
     __slots__ = ()
 
 
-# Larger terms are looked at first, to be sure that they are finite.
+# Larger terms are checked first, to be sure that they are finite.
 _LARGE: Final = 50_000
 _REPORT: Final = 1024
 
@@ -80,7 +80,7 @@ class Solution(Mapping[str, Value]):
         return len(self._values)
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other is a mapping of the same names to equal values."""
+        """Return whether the other is a mapping of the same names to equal values."""
         return super().__eq__(other)
 
     def __repr__(self) -> str:
@@ -88,16 +88,16 @@ class Solution(Mapping[str, Value]):
 
 
 def to_value(term: Term, names: Mapping[Term, str] | None = None, meter: Meter | None = None) -> Value:
-    """A term as a Python value; `names` has the names of variables that have one.
+    """Return a term as a Python value; `names` has the names of variables that have one.
 
     Raises:
         RepresentationError: The term is cyclic.
-        LimitExceeded: There is no time or no room for it, by the meter of the query that it is a solution of.
+        LimitExceeded: There is no time or no memory for it, by the meter of the solution's query.
     """
     term = deref(term)
     if type(term) is not Struct:
         return _simple_value(term, names or {})
-    # Every compound term behind the one that it is part of, so that values can be built from the end.
+    # Every compound term comes after the one that it is part of, so that values can be built from the end.
     order = _inner_first(term, meter)
     values: dict[int, Value] = {}
     for struct in order:
@@ -113,7 +113,7 @@ def to_value(term: Term, names: Mapping[Term, str] | None = None, meter: Meter |
 
 
 def _inner_first(root: Struct, meter: Meter | None) -> list[Struct]:
-    """The compound terms that a term consists of, each once and behind those inside it.
+    """Return the compound terms within a term, each once and after those inside it.
 
     Raises:
         RepresentationError: The term is cyclic.
@@ -140,7 +140,7 @@ def _inner_first(root: Struct, meter: Meter | None) -> list[Struct]:
 
 
 def _parts(struct: Struct, meter: Meter | None = None) -> tuple[bool, list[Term]]:
-    """Whether a compound term is a proper list, and its elements or else its arguments."""
+    """Return whether a compound term is a proper list, and its elements or else its arguments."""
     items: list[Term] = []
     rest: Term = struct
     while type(rest) is Struct and rest.name == "." and len(rest.args) == 2:
@@ -167,13 +167,13 @@ def _simple_value(term: Term, names: Mapping[Term, str]) -> Value:
 
 
 _LONGEST: Final = 10**400
-"""No float comes near an integer with more digits."""
+"""Integers with more digits exceed every float."""
 
 
 def to_plain(value: Value) -> str | int | float | list[Any]:
-    """Return a value as JSON can hold it: a term that JSON lacks, NaN or an infinity becomes text.
+    """Return a value for JSON: values that JSON lacks (terms, NaN, infinities) become text.
 
-    So does an integer of more than 400 digits, which not every reader of JSON takes.
+    So does an integer of more than 400 digits, which not every reader of JSON accepts.
     """
     if isinstance(value, list):
         return [to_plain(item) for item in value]
@@ -189,12 +189,12 @@ def _text(value: Value) -> str:
 
 
 def to_term(value: Any, variables: dict[str, Var] | None = None, *, allow_nan: bool = False) -> Term:
-    """A Python value as a term: the inverse of `to_value`. Terms stay as they are.
+    """Return a Python value as a term: the inverse of `to_value`. Terms are returned unchanged.
 
     `variables` holds, and receives, the variables by their names.
 
     Raises:
-        TypeError: The value is nothing that a term can be made of; a bool in particular.
+        TypeError: The value cannot be made a term; this includes a bool.
         ValueError: A list contains itself, or a number is NaN and that is not allowed.
     """
     known = {} if variables is None else variables
@@ -238,10 +238,10 @@ def _simple_term(value: Any, known: dict[str, Var], allow_nan: bool) -> Term:
 
 
 def to_atomic(value: Any) -> Term:
-    """A `str`, `int` or `float`, or a value of a class derived from them, as an atomic term.
+    """Return a `str`, `int` or `float`, or a value of a class derived from them, as an atomic term.
 
     Raises:
-        TypeError: It is something else; a bool is refused too, since Prolog has none.
+        TypeError: It has another type; a bool is refused, too, since Prolog has none.
         ValueError: It is NaN.
     """
     if isinstance(value, Atom):
@@ -254,16 +254,16 @@ def to_atomic(value: Any) -> Term:
         return int(value)
     if isinstance(value, float):
         if isnan(value):
-            raise ValueError("NaN is no value: it would make every comparison fail")
+            raise ValueError("NaN is not a value: it would make every comparison fail")
         return float(value)
     raise TypeError(f"expected a str, an int or a float, got {type(value).__name__}: {value!r}")
 
 
 def to_row(row: Iterable[Any], name: str, arity: int) -> tuple[Term, ...]:
-    """The arguments of a fact as terms.
+    """Return the arguments of a fact as terms.
 
     Raises:
-        TypeError: One of them is no `str`, `int` or `float`.
+        TypeError: One of them is not a `str`, `int` or `float`.
         ValueError: Their number is not `arity`, or one of them is NaN.
     """
     terms = tuple(

@@ -1,4 +1,4 @@
-"""The public face of the logic engine: load a program, ask it, change its facts."""
+"""The public interface of the logic engine: load a program, query it, change its facts."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _UNLIMITED = Limits()
 
 
 class UnknownProcedure(ExistenceError):
-    """A call of a predicate that nobody defined."""
+    """A call of an undefined predicate."""
 
     def __init__(self, name: str, arity: int, program: Program) -> None:
         super().__init__(existence_error("procedure", name_term(name, arity)).term)
@@ -58,12 +58,12 @@ class UnknownProcedure(ExistenceError):
         self._hint = ""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """The hint goes along, the program does not."""
+        """Pickle the hint, but not the program."""
         make, arguments, state = super().__reduce__()
         return make, arguments, {**state, "_hint": self._meant(), "_program": None}
 
     def message(self) -> str:
-        """What went wrong, and what may have been meant."""
+        """Return the error, with a hint at similar predicates."""
         return super().message() + self._meant()
 
     def _meant(self) -> str:
@@ -82,14 +82,14 @@ class UnknownProcedure(ExistenceError):
 
 
 class EngineBusyError(RuntimeError):
-    """An engine was asked by a second thread while it was at work."""
+    """A second thread used an engine while it was busy."""
 
     def __str__(self) -> str:
-        return "the engine is at work in another thread; give each thread an engine of its own"
+        return "the engine is busy in another thread; give each thread an engine of its own"
 
 
 class OneThread:
-    """A context manager that one thread can hold, any number of times, and others are refused."""
+    """A context manager that one thread can hold, any number of times, while others are refused."""
 
     __slots__ = ("_lock",)
 
@@ -105,10 +105,9 @@ class OneThread:
 
 
 class Engine:
-    """A Prolog engine of its own: clauses, operators, flags and global variables are shared with no other.
+    """An independent Prolog engine: clauses, operators, flags and global variables are not shared.
 
-    It serves one thread at a time, whichever that is: a call that finds another thread inside raises
-    `EngineBusyError`.
+    It serves any one thread at a time: a call while another thread is inside raises `EngineBusyError`.
 
     Args:
         compiled: run predicates that are called often as generated Python code; the answers are the same.
@@ -135,21 +134,21 @@ class Engine:
         self.output: TextIO = sys.stdout if output is None else output
         self._standard_output = self.output if output is None else None
         self.warnings: list[LoadWarning] = []
-        self.loaded: dict[Path, str] = {}  # the files that were loaded, by the names that they were given
-        self.loaders: list[Loader] = []  # what is being loaded, each on behalf of the one before
+        self.loaded: dict[Path, str] = {}  # the loaded files, by the names that were given
+        self.loaders: list[Loader] = []  # the files being loaded, each by the one before
         self.alone = OneThread()
         """Keeps other threads out while it is held, for several calls that belong together."""
 
     # ------------------------------------------------------------------ copying
 
     def __getstate__(self) -> dict[str, Any]:
-        """All that answers depend on, as flat data: the program as it now is, flags, operators, globals.
+        """Return the state as flat data: the present program, flags, operators, global variables.
 
-        Compiled code is left out, to be made again. Queries under way stay with this engine; what b_setval/2
-        set in them is carried as it is now.
+        Compiled code is left out, to be generated again. Running queries stay with this engine; values that
+        they set by b_setval/2 are included as they are now.
 
         Raises:
-            EngineBusyError: another thread is at work with the engine.
+            EngineBusyError: another thread is using the engine.
         """
         with self.alone:
             table = TermTable()
@@ -172,7 +171,7 @@ class Engine:
             }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Be the engine that `__getstate__` was asked of, with clauses of its own."""
+        """Restore the state of `__getstate__`, with clauses of its own."""
         vars(self).update(state["plain"])
         table = TermTable(state["terms"])
         self.alone = OneThread()
@@ -192,7 +191,7 @@ class Engine:
         self.state = {**state["state"], "line": (self.output, state["pending"])}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Engine:
-        """An independent engine that answers alike; a file that it writes to stays the same file."""
+        """Return an independent engine with the same answers; an output file is shared."""
         state = self.__getstate__()
         if isinstance(self.output, io.StringIO):
             state["output"] = copy.deepcopy(self.output, memo)
@@ -202,7 +201,7 @@ class Engine:
         return twin
 
     def __copy__(self) -> Engine:
-        """The same as a deep copy: engines share nothing."""
+        """Return a deep copy: engines share nothing."""
         return copy.deepcopy(self)
 
     # ------------------------------------------------------------------ loading
@@ -210,10 +209,10 @@ class Engine:
     def consult(
         self, path: str | Path, search: Sequence[Path] = (), *, limits: Limits | Meter | None = None
     ) -> None:
-        """Load a file; loading it again replaces what it said before.
+        """Load a file; loading it again replaces its earlier clauses.
 
-        Files that it names are looked for beside it, then in the folders of `search`. `limits` bind what
-        reading it and its directives may use, all together with the files that it loads, which share a meter.
+        Files that it names are searched beside it, then in the folders of `search`. `limits` bound the
+        reading of it, its directives and the files that it loads, all together.
 
         Raises:
             PrologError: The file has errors, all of which the exception names; the program is as it was.
@@ -235,8 +234,8 @@ class Engine:
     def load_files(self, files: Term, *, again: bool, meter: Meter) -> None:
         """Load the file that a term names, or each of a list, also `again` if it was loaded before.
 
-        They are looked for beside the file that is being loaded, else in the working directory. `meter` is
-        that of the query that loads them.
+        They are searched beside the file that is being loaded, else in the working directory. `meter` is that
+        of the query that loads them.
 
         Raises:
             PrologError: There is no such file, or it has errors.
@@ -245,7 +244,7 @@ class Engine:
         self._loader(meter).load_files(files, again=again)
 
     def finds(self, file: Term) -> bool:
-        """Whether a term names a file or a library that could be loaded."""
+        """Return whether a term names a file or a library that could be loaded."""
         return self._loader(Meter(_UNLIMITED)).finds(file)
 
     def _loader(self, meter: Meter) -> Loader:
@@ -292,16 +291,16 @@ class Engine:
         trail: list[Any] | None = None,
         meter: Meter | None = None,
     ) -> bool:
-        """Prove a goal once; True if that succeeds. Its bindings are kept on `trail`, or else undone.
+        """Prove a goal once; return True if that succeeds. Its bindings are kept on `trail`, or undone.
 
-        `meter` is that of the query or of the text that the goal is a part of.
+        `meter` is that of the query or text of the goal.
         """
         machine = Machine(self, _UNLIMITED if meter is None else meter.limits, meter)
         machine.output = output or self.output
         with self.alone:
             try:
                 is_proved = machine.solve((_prove, goal, FOUND))
-                machine.tick(None)  # its last inferences count too: many short searches are one long one
+                machine.tick(None)  # its last inferences count, too: many short searches are one long one
                 if is_proved and trail is not None:
                     machine.keep(trail)
                 return is_proved
@@ -309,7 +308,7 @@ class Engine:
                 machine.close()
 
     def replace_facts(self, name: str, arity: int, rows: Iterable[Sequence[str | float]]) -> None:
-        """Take these rows as the facts of a predicate, in place of all its clauses; it becomes dynamic.
+        """Replace all clauses of a predicate by the facts of these rows; it becomes dynamic.
 
         A row holds `arity` values: `str` for atoms, `int`, `float`. This costs microseconds per row.
 
@@ -324,7 +323,7 @@ class Engine:
     # ------------------------------------------------------------------ asking
 
     def defines(self, name: str, arity: int) -> bool:
-        """Whether the program has clauses for a predicate, or declares it dynamic."""
+        """Return whether the program has clauses for a predicate, or declares it dynamic."""
         predicate = self.program.predicates.get((name, arity))
         return predicate is not None and predicate.defined
 
@@ -338,17 +337,17 @@ class Engine:
         return [] if predicate is None else predicate.listed()
 
     def define(self, name: str, arity: int, clauses: Sequence[Clause]) -> None:
-        """Have a predicate consist of these clauses, in place of those that it has."""
+        """Replace the clauses of a predicate by these."""
         with self.alone:
             self.program.get(name, arity).replace(list(clauses))
 
     def forget_answers(self) -> None:
-        """Have tabled predicates work out their answers anew."""
+        """Forget the answers of tabled predicates."""
         with self.alone:
             self.program.tables.clear()
 
     def read_goal(self, text: str) -> ReadTerm:
-        """Read a goal with the operators and flags of the program, without asking it.
+        """Read a goal with the operators and flags of the program, without running it.
 
         Raises:
             PrologSyntaxError: The text is not a goal.
@@ -356,11 +355,11 @@ class Engine:
         return read_term(text, self.operators, self.flags, "goal")
 
     def prepare(self, goal: Goal) -> Query:
-        """A goal read once, to be asked many times.
+        """Return a query that is read once and can be run many times.
 
         Raises:
-            PrologSyntaxError: The text is no goal.
-            PrologTypeError, TypeError: The value is no goal, or no value at all.
+            PrologSyntaxError: The text is not a goal.
+            PrologTypeError, TypeError: The value is not a goal, or not a value at all.
         """
         if isinstance(goal, str):
             read = read_term(goal, self.operators, self.flags, "query")
@@ -369,29 +368,29 @@ class Engine:
         return Query(self, term, {variable.name: variable for variable in term_variables(term)})
 
     def query(self, goal: Goal, *, limits: Limits | None = None) -> Generator[Solution, None, None]:
-        """The solutions of a goal, each sought when it is asked for; the iterator may be dropped early.
+        """Return the solutions of a goal, each searched on demand; the iterator may be dropped early.
 
         Raises:
-            PrologError: What the goal raised.
+            PrologError: The goal raised an error.
             LimitExceeded: It went beyond the limits.
         """
         return self.prepare(goal).solutions(limits)
 
     def once(self, goal: Goal, *, limits: Limits | None = None) -> Solution | None:
-        """The first solution of a goal, or None."""
+        """Return the first solution of a goal, or None."""
         return self.prepare(goal).once(limits)
 
     def holds(self, goal: Goal, *, limits: Limits | None = None) -> bool:
-        """Whether a goal has a solution."""
+        """Return whether a goal has a solution."""
         return self.prepare(goal).holds(limits)
 
     def explain(self, goal: Goal, *, limits: Limits | None = None, max_depth: int = MAX_DEPTH) -> Explanation:
-        """Why a goal holds, or why it fails: its first proof, or for each clause tried the goal that failed.
+        """Explain why a goal holds or fails: its first proof, or for each clause tried the failed goal.
 
-        Calls of the program's predicates more than `max_depth` inside one another are not expanded.
+        Calls of the program's predicates nested deeper than `max_depth` are not expanded.
 
         Raises:
-            PrologError: What the goal raised.
+            PrologError: The goal raised an error.
             LimitExceeded: It went beyond the limits, or needs too many goals to explain.
         """
         if isinstance(goal, str):
@@ -404,14 +403,14 @@ class Engine:
             return explain(self, term, variables, limits=limits or _UNLIMITED, max_depth=max_depth)
 
     def format(self, value: Value) -> str:
-        """The text of a solution's value, with the engine's operators; it reads back as the same term."""
+        """Return the text of a solution's value, with the engine's operators; it can be read back."""
         variables: dict[str, Var] = {}
         term = to_term(value, variables, allow_nan=True)
         names = {id(variable): name for name, variable in variables.items()}
         return format_term(term, self.operators, quoted=True, variable_names=names)
 
     def undefined(self, machine: Machine, predicate: Predicate, _args: Any, _continuation: Task) -> Task:
-        """What a call of an unknown predicate does, by the flag `unknown`."""
+        """Return the task for a call of an unknown predicate, by the flag `unknown`."""
         name, arity = predicate.name, predicate.arity
         if machine.flags.unknown == "error":
             raise UnknownProcedure(name, arity, self.program)
@@ -448,7 +447,7 @@ class Query:
         self._link()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """The engine and the goal; a copy asks the engine's copy."""
+        """Return the engine and the goal; a copy asks the engine's copy."""
         clause = self._predicate.clauses[0]
         table = TermTable()
         goal = table.put(clause.body)
@@ -456,7 +455,7 @@ class Query:
         return _query, (self._engine, table.items, goal, variables)
 
     def solutions(self, limits: Limits | None = None) -> Generator[Solution, None, None]:
-        """The solutions, one by one."""
+        """Yield the solutions, one by one."""
         machine, args = self._start(limits)
         alone = self._engine.alone
         try:
@@ -470,7 +469,7 @@ class Query:
             machine.close()
 
     def once(self, limits: Limits | None = None) -> Solution | None:
-        """The first solution, or None."""
+        """Return the first solution, or None."""
         machine, args = self._start(limits)
         with self._engine.alone:
             try:
@@ -481,7 +480,7 @@ class Query:
                 machine.close()
 
     def holds(self, limits: Limits | None = None) -> bool:
-        """Whether there is a solution."""
+        """Return whether there is a solution."""
         machine, args = self._start(limits)
         with self._engine.alone:
             try:
@@ -493,10 +492,10 @@ class Query:
         return Machine(self._engine, limits or _UNLIMITED), [Var(name) for name in self._names]
 
     def _link(self) -> None:
-        """Make the goal ready, so that asking it the first time takes no longer than later."""
+        """Prepare the goal, so that running it the first time takes no longer than later."""
         self._predicate.clauses[0].code = None
         self._linked = self._engine.linker.relinked
-        with suppress(LimitExceeded):  # which the first call will meet, too
+        with suppress(LimitExceeded):  # which the first call will raise, too
             self._engine.linker.prepare([self._predicate], Meter(_UNLIMITED))
 
     def _task(self, args: list[Var]) -> Task:
@@ -509,7 +508,7 @@ class Query:
         return run, code.body, [1, FOUND, *args, *code.blanks]
 
     def _solution(self, args: list[Var], meter: Meter) -> Solution:
-        # Of variables that are bound to each other, the first gives its name to all.
+        # Variables that are bound to each other get the name of the first.
         names = {deref(arg): name for arg, name in zip(reversed(args), reversed(self._names), strict=True)}
         return Solution(
             {name: to_value(arg, names, meter) for name, arg in zip(self._names, args, strict=True)}
@@ -517,9 +516,9 @@ class Query:
 
 
 def _query(engine: Engine, terms: list[tuple[Any, ...]], goal: int, variables: Mapping[str, int]) -> Query:
-    """The query that `Query.__reduce__` told of."""
+    """Return the query that `Query.__reduce__` described."""
     table = TermTable(terms)
     return Query(engine, table.get(goal), {name: table.get(place) for name, place in variables.items()})
 
 
-assert builtins.__all__  # importing the package is what fills the registry
+assert builtins.__all__  # importing the package fills the registry

@@ -17,7 +17,7 @@ _SHOWN_CHARACTERS: Final = 10_000
 
 
 def _show(term: Term) -> str:
-    """A term for people: its variables by the names that the program gave them."""
+    """Return a term as text, its variables by their names in the program."""
     names: dict[int, str] = {}
     todo = [deref(term)]
     left = _SHOWN_TOKENS
@@ -44,12 +44,12 @@ def _show(term: Term) -> str:
 
 
 def _printable(text: str) -> str:
-    """A text whose control characters are written as escapes, so that no terminal obeys them."""
+    """Return a text with its control characters as escapes, so that no terminal executes them."""
     return "".join(char if char.isprintable() else f"\\x{ord(char):x}\\" for char in text)
 
 
 def _remade(kind: type[PrologError], args: tuple[Any, ...]) -> PrologError:
-    """An error of a kind, which then gets its attributes."""
+    """Return an error of a kind; its attributes are restored afterwards."""
     return kind.__new__(kind, *args)
 
 
@@ -57,8 +57,8 @@ class PrologError(Exception):
     """An uncaught ball.
 
     `term` is the ball, `goal` the goal that raised it and `clause` the place (``file:line``) of the clause
-    whose body called it; the solver fills the last two where it knows them. One that is not `catchable` ends
-    the query, whatever catch/3 is around it.
+    whose body called it; the solver sets the last two if it knows them. An error that is not `catchable` ends
+    the query, regardless of catch/3.
     """
 
     catchable: ClassVar[bool] = True
@@ -72,12 +72,12 @@ class PrologError(Exception):
         self.clause = clause
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Errors travel between processes with all that they tell, however they were made."""
+        """Pickle the error with all its attributes, whatever its constructor."""
         return _remade, (type(self), self.args), vars(self)
 
     @property
     def formal(self) -> Term:
-        """The first argument of ``error/2``; the ball itself when it is no error term."""
+        """The first argument of ``error/2``; the ball itself if it is another term."""
         ball = deref(self.term)
         return deref(ball.args[0]) if isinstance(ball, Struct) and ball.name == "error" else ball
 
@@ -112,7 +112,7 @@ class PrologTypeError(PrologError):
 
 
 class DomainError(PrologError):
-    """An argument is of the right type and outside the domain."""
+    """An argument is of the right type but outside the domain."""
 
     words = "domain error: expected {0}, found {1}"
 
@@ -130,13 +130,13 @@ class PrologPermissionError(PrologError):
 
 
 class RepresentationError(PrologError):
-    """An implementation limit does not let the term be represented."""
+    """An implementation limit prevents the representation of the term."""
 
     words = "representation error: {0}"
 
 
 class EvaluationError(PrologError):
-    """An arithmetic operation has no value."""
+    """An arithmetic operation is undefined."""
 
     words = "evaluation error: {0}"
 
@@ -148,7 +148,7 @@ class ResourceError(PrologError):
 
 
 class Halt(PrologError):
-    """The program asked to end, with this exit status. Source: ISO 13211-1, 8.17.3."""
+    """The program called halt/1 with this exit status. Source: ISO 13211-1, 8.17.3."""
 
     catchable = False
 
@@ -161,10 +161,10 @@ class Halt(PrologError):
 
 
 class PrologSyntaxError(PrologError):
-    """Text is no term.
+    """Text is not a term.
 
-    `file`, `line` and `column` (both from 1) say where, `source` is that line and `width` how many of its
-    characters are at fault; they are None, 0 and empty where the text has no place (``atom_to_term/3``).
+    `file`, `line` and `column` (both from 1) are the place, `source` is that line and `width` the number of
+    faulty characters; they are None, 0 and empty if the text has no place (``atom_to_term/3``).
     """
 
     def __init__(
@@ -215,7 +215,7 @@ _CLASSES: Final[dict[str, type[PrologError]]] = {
 
 
 def error_from_term(ball: Term) -> PrologError:
-    """The exception for a ball: a subclass for an ISO error term, else a plain PrologError."""
+    """Return the exception for a ball: a subclass for an ISO error term, else a plain PrologError."""
     term = deref(ball)
     if isinstance(term, Struct) and term.name == "error" and len(term.args) == 2:
         formal = deref(term.args[0])
@@ -229,45 +229,45 @@ def _error(formal: Term) -> Struct:
 
 
 def instantiation_error() -> InstantiationError:
-    """error(instantiation_error, _)."""
+    """Return error(instantiation_error, _)."""
     return InstantiationError(_error(Atom("instantiation_error")))
 
 
 def type_error(expected: str, culprit: Term) -> PrologTypeError:
-    """error(type_error(expected, culprit), _)."""
+    """Return error(type_error(expected, culprit), _)."""
     return PrologTypeError(_error(Struct("type_error", (Atom(expected), culprit))))
 
 
 def domain_error(domain: str, culprit: Term) -> DomainError:
-    """error(domain_error(domain, culprit), _)."""
+    """Return error(domain_error(domain, culprit), _)."""
     return DomainError(_error(Struct("domain_error", (Atom(domain), culprit))))
 
 
 def existence_error(kind: str, culprit: Term) -> ExistenceError:
-    """error(existence_error(kind, culprit), _)."""
+    """Return error(existence_error(kind, culprit), _)."""
     return ExistenceError(_error(Struct("existence_error", (Atom(kind), culprit))))
 
 
 def permission_error(operation: str, kind: str, culprit: Term) -> PrologPermissionError:
-    """error(permission_error(operation, kind, culprit), _)."""
+    """Return error(permission_error(operation, kind, culprit), _)."""
     return PrologPermissionError(_error(Struct("permission_error", (Atom(operation), Atom(kind), culprit))))
 
 
 def representation_error(limit: str) -> RepresentationError:
-    """error(representation_error(limit), _)."""
+    """Return error(representation_error(limit), _)."""
     return RepresentationError(_error(Struct("representation_error", (Atom(limit),))))
 
 
 def evaluation_error(what: str) -> EvaluationError:
-    """error(evaluation_error(what), _)."""
+    """Return error(evaluation_error(what), _)."""
     return EvaluationError(_error(Struct("evaluation_error", (Atom(what),))))
 
 
 def resource_error(resource: str) -> ResourceError:
-    """error(resource_error(resource), _)."""
+    """Return error(resource_error(resource), _)."""
     return ResourceError(_error(Struct("resource_error", (Atom(resource),))))
 
 
 def syntax_error(message: str) -> PrologSyntaxError:
-    """error(syntax_error(message), _), for text that has no place in a file."""
+    """Return error(syntax_error(message), _), for text without a place in a file."""
     return PrologSyntaxError(_error(Struct("syntax_error", (Atom(message),))))

@@ -1,8 +1,8 @@
-"""How much one query may use, and the meter that counts it.
+"""The limits of a query, and the meter that counts against them.
 
-A query has one `Meter`, shared by the searches that run for it (cleanup goals, directives of a text that is
-loaded). The solver reports its inferences; builtins that do much in one call report their steps while they
-walk, and ask for time and room before they make something large. So no call outlives a limit by much.
+A query has one `Meter`, shared by the searches that run for it (cleanup goals, directives of a loaded text).
+The solver reports its inferences; long-running builtins report their steps as they go, and check time and
+memory before they create something large. So no call exceeds a limit by much.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ class LimitExceeded(ResourceError):
 
 @dataclass(frozen=True)
 class Limits:
-    """How much one query may use; None means no bound.
+    """Limits of one query; None means no limit.
 
     Attributes:
         inferences: calls of predicates; 64 steps of a builtin that walks or makes a large term count as one.
         seconds: wall-clock time spent searching [s], checked every hundred inferences, or five hundred where
             they are quick, and before an operation that cannot be interrupted is begun, by an estimate of how
             long that will take.
-        depth: calls waiting for an inner one to end, checked every few thousand inferences.
-        trail: bindings that backtracking would have to undo and choice points it could go back to, together.
-        memory: by how much the process may grow while the query runs [bytes]. Where the system tells how much
-            memory the process holds (Linux), that is what counts, whoever asked for it, to within some
-            20 MB; elsewhere its highest value so far, or on Windows only what builtins are about to make.
+        depth: calls waiting for an inner one to end, checked every few thousand inferences. trail: bindings
+        that backtracking would have to undo and choice points it could go back to, together. memory: by how
+        much the process may grow while the query runs [bytes]. If the system reports the memory
+            of the process (Linux), that counts, whatever allocated it, to within some 20 MB; elsewhere its
+            highest value so far, or on Windows only what builtins are about to create.
     """
 
     inferences: int | None = None
@@ -44,13 +44,13 @@ class Limits:
     memory: int | None = 768 << 20
 
 
-# How many steps are made between two looks at the clock and the memory, and how long one takes at most [s].
+# The number of steps between two checks of the clock and the memory, and the longest time of one [s].
 _STEPS: Final = 20_000
 _STEP_SECONDS: Final = 0.3e-6
-# How long a cell takes that is made, the collector's share included [s].
+# The time to create a cell, including garbage collection [s].
 _CELL_SECONDS: Final = 0.8e-6
 _STEPS_OF_INFERENCE: Final = 64
-# How many inferences are made between two looks at the memory.
+# The number of inferences between two checks of the memory.
 _INFERENCES: Final = 8_000
 # How many are made between two looks at the clock: few at first, and more while they take no longer than this
 # [s] and make nothing large. The solver looks after one more, compiled code after half as many. These numbers
@@ -61,30 +61,30 @@ _MOST: Final = 502
 _QUICK: Final = 0.002
 # A cell of a list: the pair, its arguments and an element.
 CELL_BYTES: Final = 150
-# Less than this is not worth a look.
+# Smaller amounts are not checked.
 _SMALL_BYTES: Final = 1 << 20
-# Once there is something of this size, few inferences may fill the memory with its like.
+# After something of this size exists, few inferences may fill the memory with copies of it.
 _LARGE_BYTES: Final = 1 << 16
-# More than there ever is room for, and little enough to be made a float.
+# More than any memory, but within the range of a float.
 _MOST_CELLS: Final = 1 << 50
 _BYTES_OF_STEP: Final = 64
-# Cleanup goals of a query that went beyond its limits share this part of them anew, and at least so much.
+# Cleanup goals of a query that exceeded its limits share this part of them again, and at least this much.
 _CLEANUP_SHARE: Final = 0.1
 _CLEANUP_SECONDS: Final = 0.05
 _CLEANUP_INFERENCES: Final = 1_000
 
 
 def exceeded(resource: str, bound: str) -> LimitExceeded:
-    """The error of a query that went beyond one of its limits."""
+    """Return the error of a query that went beyond one of its limits."""
     error = LimitExceeded(resource_error(resource).term)
     error.add_note(f"The query went beyond its limit of {bound}.")
     return error
 
 
 class Meter:
-    """What one query has used so far of its limits.
+    """The resources that one query has used so far.
 
-    It is the first entry of the trail of each search, so that whatever binds variables can reach it.
+    It is the first entry of the trail of each search, so that any code that binds variables can reach it.
     """
 
     __slots__ = (
@@ -106,7 +106,7 @@ class Meter:
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self.inferences = 0
-        self.pace = _FEWEST  # how many inferences may be made before they are reported
+        self.pace = _FEWEST  # the number of inferences before they must be reported
         self._most = limits.inferences
         self._deadline: float | None = None
         if limits.seconds is not None:
@@ -122,7 +122,7 @@ class Meter:
 
     @property
     def ref(self) -> None:
-        """Nothing: as an entry of a trail, a meter has nothing to undo."""
+        """None: as an entry of a trail, a meter has nothing to undo."""
         return None
 
     @ref.setter
@@ -153,7 +153,7 @@ class Meter:
             self._check_room(0)
 
     def inferences_left(self) -> int | None:
-        """How many inferences may follow."""
+        """Return the number of inferences that remain; None without a limit."""
         if self._most is None:
             return None
         return max(0, self._most - self.inferences - self._steps // _STEPS_OF_INFERENCE)
@@ -161,7 +161,7 @@ class Meter:
     def allow_cleanup(self) -> None:
         """Let cleanup goals run after a limit was exceeded, once, for a tenth of the limits.
 
-        All of them together share it; when it is used up, no other is begun.
+        All of them share it; when it is used up, no other is started.
         """
         if self._is_extended:
             return
@@ -177,7 +177,7 @@ class Meter:
             self._room += int(self._room * _CLEANUP_SHARE)
 
     def is_spent(self) -> bool:
-        """Whether what cleanup goals may use after a limit was exceeded is used up as well."""
+        """Return whether the share of cleanup goals after an exceeded limit is used up as well."""
         if not self._is_extended:
             return False
         is_late = self._deadline is not None and time.monotonic() > self._deadline
@@ -186,7 +186,7 @@ class Meter:
     # ------------------------------------------------------------------ what builtins report
 
     def spend(self, steps: int) -> None:
-        """Account for steps that a builtin has made, or will have made in a moment.
+        """Account for steps that a builtin has made, or will make in a moment.
 
         Raises:
             LimitExceeded: The query went beyond its limits.
@@ -196,10 +196,10 @@ class Meter:
             self._look()
 
     def make(self, cells: int) -> None:
-        """Account for cells of lists, or arguments of terms, that a builtin is about to make.
+        """Account for cells of lists, or arguments of terms, that a builtin is about to create.
 
         Raises:
-            LimitExceeded: There is no time or no room for them.
+            LimitExceeded: There is no time or no memory for them.
         """
         cells = min(cells, _MOST_CELLS)
         self._left -= cells
@@ -210,10 +210,10 @@ class Meter:
                 self._check_room(cells * CELL_BYTES)
 
     def text(self, size: int) -> None:
-        """Account for a text of so many bytes, or an integer, that a builtin is about to make.
+        """Account for a text of `size` bytes, or an integer, that a builtin is about to create.
 
         Raises:
-            LimitExceeded: There is no room for it.
+            LimitExceeded: There is no memory for it.
         """
         if size >= _BYTES_OF_STEP:
             self.spend(min(size, _MOST_CELLS) // _BYTES_OF_STEP)
@@ -223,10 +223,10 @@ class Meter:
                     self._check_room(size)
 
     def forecast(self, seconds: float) -> None:
-        """Account for an operation about to begin that cannot be interrupted and takes so long [s].
+        """Account for an uninterruptible operation about to begin that takes `seconds` [s].
 
         Raises:
-            LimitExceeded: It would not be over in time.
+            LimitExceeded: It would not end in time.
         """
         self.spend(int(seconds / _STEP_SECONDS))
         self._check_time(seconds)
@@ -262,7 +262,7 @@ class Meter:
 
 
 def resident_bytes() -> int:
-    """How much memory the process holds [bytes]; 0 where the system does not tell."""
+    """Return the memory of the process [bytes]; 0 if the system does not report it."""
     with suppress(OSError, ValueError, IndexError), open("/proc/self/statm", "rb") as file:
         return int(file.read().split()[1]) * _page_bytes()
     return _highest_resident_bytes()

@@ -201,7 +201,7 @@ USES: dict[str, Callable[[Engine], Any]] = {
 def test_an_engine_refuses_a_second_thread(use: str) -> None:
     engine = Engine()
     engine.consult_text("p(1). p(2).")
-    with pytest.raises(EngineBusyError, match="at work in another thread"):
+    with pytest.raises(EngineBusyError, match="busy in another thread"):
         blocked(engine, lambda: USES[use](engine))
     assert [solution["X"] for solution in engine.query("p(X)")] == [1, 2]
     assert not engine.defines("q", 1)

@@ -1,4 +1,4 @@
-"""What a builtin expects of an argument, with the error ISO asks for when it gets something else."""
+"""Checks of a builtin's arguments, with ISO's error for a wrong one."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from drlsl.logic.core import Caller, Trail, undo, unify
 from drlsl.logic.errors import domain_error, instantiation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
-# After so many cells, a list is looked at, to be sure that it has an end.
+# After this many cells, a list is checked, to be sure that it is finite.
 _LONG_LIST: Final = 50_000
 
 
 def atom(term: Term) -> Atom:
-    """The atom that an argument must be."""
+    """Return the atom that an argument must be."""
     term = deref(term)
     if type(term) is Atom:
         return term
@@ -22,7 +22,7 @@ def atom(term: Term) -> Atom:
 
 
 def integer(term: Term) -> int:
-    """The integer that an argument must be."""
+    """Return the integer that an argument must be."""
     term = deref(term)
     if type(term) is int:
         return term
@@ -30,7 +30,7 @@ def integer(term: Term) -> int:
 
 
 def not_negative(term: Term) -> int:
-    """The integer, zero or more, that an argument must be."""
+    """Return the integer, zero or more, that an argument must be."""
     value = integer(term)
     if value < 0:
         raise domain_error("not_less_than_zero", value)
@@ -38,7 +38,7 @@ def not_negative(term: Term) -> int:
 
 
 def items(term: Term, machine: Caller | None = None) -> list[Term]:
-    """The elements of the proper list that an argument must be; see `prefix`."""
+    """Return the elements of the proper list that an argument must be; see `prefix`."""
     found, tail = prefix(term, machine)
     if tail is NIL:
         return found
@@ -46,10 +46,10 @@ def items(term: Term, machine: Caller | None = None) -> list[Term]:
 
 
 def prefix(term: Term, machine: Caller | None = None) -> tuple[list[Term], Term]:
-    """The elements of a list as far as it goes, and what follows them: ``[]`` for a proper list.
+    """Return the elements of a list as far as it goes, and its tail: ``[]`` for a proper list.
 
-    Of a list that has no end, what follows is the rest from some cell on. The meter of `machine` is told how
-    long the list is.
+    The tail of an infinite list is the rest from some cell on. The length is reported to the meter of
+    `machine`.
     """
     found: list[Term] = []
     term = deref(term)
@@ -70,7 +70,7 @@ def prefix(term: Term, machine: Caller | None = None) -> tuple[list[Term], Term]
 
 
 def _is_endless(cell: Term) -> bool:
-    """Whether a list leads back to one of its cells. Source: R. P. Brent, BIT 20 (1980), section 3."""
+    """Return whether a list leads back to one of its cells. Source: R. P. Brent, BIT 20 (1980), section 3."""
     power = length = 1
     tortoise, hare = cell, cell
     while True:
@@ -85,14 +85,14 @@ def _is_endless(cell: Term) -> bool:
 
 
 def check_partial_list(term: Term) -> None:
-    """Make sure that an argument that is to be unified with a list could be one."""
+    """Check that an argument to be unified with a list could be one."""
     tail = prefix(term)[1]
     if tail is not NIL and type(tail) is not Var:
         raise type_error("list", deref(term))
 
 
 def unqualified(term: Term) -> Term:
-    """A head, clause or indicator without the names of modules before it: there is one name space."""
+    """Return a head, clause or indicator without module qualification: there is one name space."""
     term = deref(term)
     while type(term) is Struct and term.name == ":" and len(term.args) == 2:
         if type(deref(term.args[0])) is Var:
@@ -102,7 +102,7 @@ def unqualified(term: Term) -> Term:
 
 
 def indicator(term: Term) -> tuple[str, int]:
-    """The name and arity that a predicate indicator must say."""
+    """Return the name and arity of a predicate indicator."""
     term = unqualified(term)
     if type(term) is Var:
         raise instantiation_error()
@@ -133,7 +133,7 @@ def indicators(term: Term) -> list[tuple[str, int]]:
 
 
 def attempt(machine: Caller, left: Term, right: Term) -> bool:
-    """Unify for good, or leave no binding behind: what a generator needs that goes on after a mismatch."""
+    """Unify, or leave no bindings behind, for generators that continue after a mismatch."""
     trail: Trail = [machine.meter]
     matches = unify(left, right, trail)
     undo(trail, 1)

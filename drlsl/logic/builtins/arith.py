@@ -34,7 +34,7 @@ for _name, _holds in COMPARISONS.items():
 
 @det("succ", 2)
 def succ(machine: Caller, low: Term, high: Term) -> bool:
-    """The successor of a natural number, either way."""
+    """Relate a natural number and its successor, either way."""
     low, high = deref(low), deref(high)
     if type(low) is Var:
         if type(high) is Var:
@@ -56,7 +56,7 @@ def _natural(term: Term) -> int:
 
 @det("plus", 3)
 def plus(machine: Caller, left: Term, right: Term, total: Term) -> bool:
-    """``left + right =:= total`` for integers of which at most one is unknown."""
+    """Relate integers with ``left + right =:= total``, of which at most one is unknown."""
     if type(deref(total)) is Var:
         return machine.unify(total, integer(left) + integer(right))
     if type(deref(right)) is Var:
@@ -66,7 +66,7 @@ def plus(machine: Caller, left: Term, right: Term, total: Term) -> bool:
 
 @det("set_random", 1)
 def set_random(machine: Caller, option: Term) -> bool:
-    """``set_random(seed(S))``: make the engine's random numbers repeatable."""
+    """Make the engine's random numbers repeatable, by ``seed(S)``."""
     option = deref(option)
     if type(option) is Var:
         raise instantiation_error()
@@ -78,12 +78,12 @@ def set_random(machine: Caller, option: Term) -> bool:
 
 @det("random", 1)
 def random(machine: Caller, value: Term) -> bool:
-    """A float in (0, 1)."""
+    """Unify with a random float in (0, 1)."""
     return machine.unify(value, generator(machine).random())
 
 
 @det("random_between", 3)
 def random_between(machine: Caller, low: Term, high: Term, value: Term) -> bool:
-    """An integer between two bounds, both included."""
+    """Unify with a random integer between two bounds, both included."""
     first, last = integer(low), integer(high)
     return first <= last and machine.unify(value, generator(machine).randint(first, last))

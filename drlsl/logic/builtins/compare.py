@@ -66,7 +66,7 @@ def is_no_variant(machine: Caller, left: Term, right: Term) -> bool:
 
 @det("?=", 2)
 def decided(machine: Caller, left: Term, right: Term) -> bool:
-    """Whether the terms are identical or cannot be unified."""
+    """Decide the usual cases of \\=: terms that are identical or cannot be unified."""
     return compare(left, right, meter=machine.meter) == 0 or not_unifiable(machine, left, right)
 
 
@@ -106,7 +106,7 @@ def compare_terms(machine: Caller, order: Term, left: Term, right: Term) -> bool
 
 
 def sorted_terms(machine: Caller, terms: list[Term]) -> list[Term]:
-    """The terms in the standard order, duplicates kept."""
+    """Return the terms in the standard order, duplicates kept."""
     machine.meter.make(2 * len(terms))
     terms = [deref(term) for term in terms]
     kinds = set(map(type, terms))
@@ -118,7 +118,7 @@ def sorted_terms(machine: Caller, terms: list[Term]) -> list[Term]:
 
 
 def without_repeats(machine: Caller, terms: list[Term]) -> list[Term]:
-    """A sorted list without the repetitions of identical terms."""
+    """Return a sorted list without the repetitions of identical terms."""
     machine.meter.spend(len(terms))
     kept: list[Term] = []
     for term in terms:

@@ -1,4 +1,4 @@
-"""Control constructs called with their arguments as terms: call/N, catch/3, findall/3 and their like."""
+"""Control constructs called with their arguments as terms: call/N, catch/3, findall/3 and others."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 
 
 def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Task) -> Task:
-    """The task that proves a goal with more arguments added, opaque to cuts."""
+    """Return the task that proves a goal with more arguments added, opaque to cuts."""
     name, args = callable_parts(goal)
     args = tuple([deref(arg) for arg in (*args, *extra)])
     op, target = machine.engine.linker.resolve(name, len(args))
@@ -54,7 +54,7 @@ def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Ta
         if op == DET:
             return continuation if target(machine, *args) else FAIL
         if op == CONTROL:
-            # Not called from here, since its goal may be the call of another, and so on.
+            # Not called from here, since its goal may in turn be such a call.
             return _construct, target, name, args, continuation
         return start_generator(machine, target(machine, *args), continuation)
     except PrologError as error:
@@ -65,7 +65,7 @@ def invoke(machine: Machine, goal: Term, extra: Sequence[Term], continuation: Ta
 
 @control(":", 2)
 def qualified(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    """``Module:Goal``: there is one name space, so any module will do."""
+    """Call ``Module:Goal``: there is one name space, so any module is accepted."""
     if type(deref(args[0])) is Var:
         raise instantiation_error()
     return invoke(machine, args[1], (), continuation)
@@ -113,7 +113,7 @@ for _name, _arity in (
 @control("!", 0)
 @control("true", 0)
 def true(_machine: Machine, _args: Sequence[Term], continuation: Task) -> Task:
-    """A cut that is called by itself has nothing to cut."""
+    """Succeed; a cut that is called by itself has nothing to cut."""
     return continuation
 
 
@@ -149,7 +149,7 @@ def call_cleanup(machine: Machine, args: Sequence[Term], continuation: Task) -> 
 
 def _start_cleanup(machine: Machine, task: Task) -> Task:
     _, args, continuation = task
-    # A tuple of its own, so that this cleanup can be told from every other by identity.
+    # A tuple of its own, so that this cleanup can be distinguished by identity.
     goal = (args[2],)
     machine.choices.append((leave_cleanup, len(machine.trail), goal))
     return invoke(machine, args[1], (), (exit_cleanup, goal, continuation))
@@ -186,7 +186,7 @@ def _collect_all(
 
 
 def begin_findall(machine: Machine, found: list[Term], result: Term, continuation: Task) -> Task:
-    """The choice point of a findall/3 that goes on when its goal has no more solutions."""
+    """Return the choice point of a findall/3 that continues when its goal has no more solutions."""
     check_result(machine, result)
     return _finish_findall, len(machine.trail), found, result, None, continuation
 
@@ -199,7 +199,7 @@ def _finish_findall(machine: Machine, choice: Task) -> Task:
 
 
 def _call_lambda(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    """``Free/[X1, ...]>>Goal`` called with more arguments; variables not in `Free` are renamed apart."""
+    """Call ``Free/[X1, ...]>>Goal`` with more arguments; variables not in `Free` are renamed apart."""
     parameters = deref(args[0])
     renaming: dict[Var, Term] = {}
     if type(parameters) is Struct and parameters.name == "/" and len(parameters.args) == 2:

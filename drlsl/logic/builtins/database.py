@@ -35,18 +35,18 @@ from drlsl.logic.errors import existence_error, permission_error, representation
 from drlsl.logic.limits import Meter
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, is_acyclic
 
-# Trying a clause takes as long as so many steps of a walk.
+# Trying a clause takes as long as this many steps of a walk.
 _STEPS_OF_CLAUSE: Final = 10
 
 
 def is_builtin(name: str, arity: int) -> bool:
-    """Whether the engine itself provides a predicate that no program may change."""
+    """Return whether the engine itself provides a predicate that no program may change."""
     key = name, arity
     return key in DET_BUILTINS or key in NONDET_BUILTINS or key in CONTROL_BUILTINS
 
 
 def name_term(name: str, arity: int) -> Struct:
-    """The predicate indicator ``name/arity``."""
+    """Return the predicate indicator ``name/arity``."""
     return Struct("/", (Atom(name), arity))
 
 
@@ -73,7 +73,7 @@ def _parts(term: Term) -> tuple[Term, Term]:
 
 
 def _with_calls(body: Term) -> Deep[Term]:
-    """The body with its variables as goals wrapped in call/1."""
+    """Yield the body with its variables as goals wrapped in call/1."""
     goals: list[Term] = []
     rest = deref(body)
     while type(rest) is Struct and rest.name == "," and len(rest.args) == 2:
@@ -107,7 +107,7 @@ def _to_add(machine: Caller, term: Term) -> tuple[Clause, Predicate]:
 
 
 def _to_modify(machine: Caller, name: str, arity: int) -> Predicate:
-    """The dynamic predicate of that name and arity, made when there was none."""
+    """Return the dynamic predicate of that name and arity, created if necessary."""
     predicate = machine.program.get(name, arity)
     if not predicate.dynamic:
         if predicate.defined or is_builtin(name, arity):
@@ -134,7 +134,7 @@ def asserta(machine: Caller, term: Term) -> bool:
 
 
 def _matching(machine: Caller, predicate: Predicate, head: Term, body: Term) -> Iterator[tuple[Clause, bool]]:
-    """Unify with each clause that was there at first; yields those that match, and whether it is the last."""
+    """Unify with each clause that existed at first; yield for each match whether it is the last."""
     args = callable_parts(head)[1]
     stored = predicate.stored_clauses()
     candidates = predicate.candidates(deref(args[0])) if args else stored
@@ -284,7 +284,7 @@ def current_predicate(machine: Caller, term: Term) -> Iterator[bool | None]:
 
 @nondet("predicate_property", 2)
 def predicate_property(machine: Caller, head: Term, wanted: Term) -> Iterator[bool | None]:
-    """What is known of the predicate of a head: dynamic, defined, built_in, number_of_clauses(N)."""
+    """Enumerate properties of a head's predicate: dynamic, defined, built_in, number_of_clauses(N)."""
     head = deref(head)
     if type(head) is Var:
         for key, predicate in list(machine.program.predicates.items()):
@@ -358,7 +358,7 @@ def getval(machine: Caller, key: Term, value: Term) -> bool:
 
 @nondet("nb_current", 2)
 def nb_current(machine: Caller, key: Term, value: Term) -> Iterator[bool | None]:
-    """The global variables and their values."""
+    """Enumerate the global variables and their values."""
     for name, known in list(machine.globals.items()):
         if attempt(machine, Struct("-", (key, value)), Struct("-", (Atom(name), known))):
             yield None

@@ -23,7 +23,7 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, decimal_digits, dere
 
 _DIRECTIVE = re.compile(r"~(?:(\*)|`([\s\S])|([0-9]+))?([\s\S]?)")
 _STEPS_OF_DIRECTIVE = 8
-# So many bits are divided by a small number in the time of a step.
+# This many bits are divided by a small number in the time of a step.
 _BITS_OF_STEP = 4096
 _DIGITS = "0123456789abcdefghijklmnopqrstuvwxyz"
 
@@ -50,7 +50,7 @@ def format_3(machine: Caller, sink: Term, template: Term, arguments: Term) -> bo
 
 
 def formatted(machine: Caller, template: Term, arguments: Term, column: int) -> str:
-    """The text of a template with its arguments, for output that begins at a column."""
+    """Return the text of a template with its arguments, for output that begins at a column."""
     elements, tail = prefix(arguments, machine)
     given = elements if tail is NIL else [arguments]
     return _Format(machine, given, column).run(text(template, machine))
@@ -143,7 +143,7 @@ class _Format:
             raise existence_error("format_character", Atom(letter))
 
     def _stop(self, letter: str, count: int | None) -> None:
-        """A column stop: pad the segment before it up to the column."""
+        """Set a column stop: pad the segment before it up to the column."""
         here = self.start + len(self.segment)
         if letter == "+":
             column = self.last_stop + (8 if count is None else count)
@@ -162,7 +162,7 @@ _PLAIN = {"~": "~", "n": "\n"}
 
 
 def _padded(segment: str, fills: list[tuple[int, str]], missing: int) -> str:
-    """The segment with `missing` characters spread over its fill points, the rest at the last one."""
+    """Return the segment with `missing` characters spread over its fill points, the rest at the last one."""
     share, rest = divmod(missing, len(fills))
     pieces: list[str] = []
     end = 0
@@ -242,7 +242,7 @@ def _float(letter: str) -> Callable[[Caller, Term, int | None], str]:
     return convert
 
 
-# Python's own bound is INT_MAX; this is more than anybody reads.
+# Python's own limit is INT_MAX; this is more than anybody reads.
 _MOST_PLACES = 1_000_000
 
 

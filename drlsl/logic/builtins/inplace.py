@@ -1,4 +1,4 @@
-"""Arithmetic as the plain solver runs it: evaluated from the patterns of a clause, without building terms."""
+"""Arithmetic of the plain solver: evaluated from the patterns of a clause, without building terms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ InPlace: TypeAlias = Callable[[Any, tuple[Any, ...], Frame], bool]
 
 
 def value_of(part: Any, frame: Frame, machine: Any) -> Number:
-    """The value of an expression of a clause; raises what `evaluate` raises of the term."""
+    """Return the value of an expression of a clause, with the same errors as `evaluate`."""
     kind = type(part)
     if kind is int:
         return part  # type: ignore[no-any-return]  # kind says so
@@ -86,4 +86,4 @@ ARITHMETIC: Final[dict[Any, InPlace]] = {
     DET_BUILTINS["is", 2]: _is,
     **{DET_BUILTINS[name, 2]: _comparison(holds) for name, holds in COMPARISONS.items()},
 }
-"""Of deterministic builtins that need not be given terms: what runs them in a clause's frame."""
+"""Deterministic builtins that need no terms, as functions of a clause's frame."""

@@ -1,4 +1,4 @@
-"""portray_clause/1 and listing/0, 1: clauses laid out as a person would write them."""
+"""portray_clause/1 and listing/0, 1: clauses laid out as by hand."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BRANCHES = {";": ";   ", "->": "->  ", "*->": "*-> ", "|": "|   "}
 
 
 def portrayed(term: Term, machine: Caller) -> str:
-    """The text of a clause, with variables named ``A``, ``B`` ... and ``_`` where they appear once."""
+    """Return the text of a clause, with variables named ``A``, ``B`` ... and single ones as ``_``."""
     term = copy_term(term, meter=machine.meter)
     if not is_acyclic(term):
         raise CyclicTerm("the clause contains itself")
@@ -68,7 +68,7 @@ class _Layout:
         )
 
     def _body(self, body: Term, depth: int) -> str:
-        """The goals of a conjunction, each on a line of its own."""
+        """Return the goals of a conjunction, each on a separate line."""
         margin = "\n" + _INDENT * depth
         return ",".join(margin + self._control(goal, depth) for goal in _conjuncts(body))
 
@@ -84,7 +84,7 @@ class _Layout:
         return self._goal(goal, 999)
 
     def _block(self, goal: Term, depth: int) -> str:
-        """A disjunction or condition whose parts begin in the column after the bracket."""
+        """Return a disjunction or condition whose parts begin in the column after the bracket."""
         margin = "\n" + _INDENT * depth
         text, goal = "", deref(goal)
         while isinstance(goal, Struct) and goal.name in _BRANCHES and len(goal.args) == 2:
@@ -145,7 +145,7 @@ writes("portray_clause", 1)(lambda machine, term: portrayed(term, machine))
 
 @det("listing", 0)
 def listing_all(machine: Caller) -> bool:
-    """Every predicate of the program that has clauses or is dynamic."""
+    """List every predicate of the program that has clauses or is dynamic."""
     for predicate in list(machine.program.predicates.values()):
         if predicate.defined:
             emit(machine, _listed(machine, predicate))
@@ -154,7 +154,7 @@ def listing_all(machine: Caller) -> bool:
 
 @det("listing", 1)
 def listing(machine: Caller, what: Term) -> bool:
-    """The clauses of a name, of ``Name/Arity``, or of each of a list of them."""
+    """List the clauses of a name, of ``Name/Arity``, or of each of a list of them."""
     what = deref(what)
     elements, tail = prefix(what, machine)
     if elements and tail is NIL:

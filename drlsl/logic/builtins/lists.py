@@ -1,4 +1,4 @@
-"""What the list library does faster in Python than in Prolog."""
+"""Predicates of the list library that are faster in Python than in Prolog."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drlsl.logic.terms import NIL, TRUE, Struct, Term, Var, deref, make_list
 
 @nondet("length", 2)
 def length(machine: Caller, term: Term, size: Term) -> Iterator[bool | None]:
-    """The length of a list; enumerates lists where both are unknown."""
+    """Relate a list and its length; enumerate lists if both are unknown."""
     found, tail = prefix(term, machine)
     size = deref(size)
     if type(size) is not int and type(size) is not Var:
@@ -56,7 +56,7 @@ def numlist(machine: Caller, low: Term, high: Term, result: Term) -> bool:
 
 @det("list_to_set", 2)
 def list_to_set(machine: Caller, terms: Term, result: Term) -> bool:
-    """The elements without later ones that are identical to an earlier one."""
+    """Unify with the elements without later ones that are identical to an earlier one."""
     elements = [deref(term) for term in items(terms, machine)]
     key = sort_key(meter=machine.meter)
     order = sorted(range(len(elements)), key=lambda place: key(elements[place]))
@@ -71,7 +71,7 @@ def list_to_set(machine: Caller, terms: Term, result: Term) -> bool:
 
 @det("$free_variables", 3)
 def free_variables(machine: Caller, scoped: Term, witness: Term, goal: Term) -> bool:
-    """From ``Template^Goal``: the free variables as a term, and the goal without ``^``.
+    """Unify with the free variables of ``Template^Goal`` as a term, and the goal without ``^``.
 
     Source: ISO 13211-1, 7.1.1.4 (free variables set) and 7.1.6.3 (iterated goal).
     """
@@ -93,19 +93,19 @@ _STEPS_OF_PAIR = 16
 
 
 def _in_order(count: int) -> list[Var]:
-    """Fresh variables, each of which precedes the next in the standard order."""
+    """Return fresh variables, each of which precedes the next in the standard order."""
     return sorted((Var() for _ in range(count)), key=id)
 
 
 def _counted(machine: Caller, pairs: list[Struct]) -> Iterator[Struct]:
-    """Pairs whose witness and template are small, most often: copying these counts no steps of its own."""
+    """Yield pairs, mostly with small witness and template: copying these counts no steps of its own."""
     for pair in pairs:
         machine.meter.spend(_STEPS_OF_PAIR)
         yield pair
 
 
 def _groups_by_witness(machine: Caller, pairs: list[Struct]) -> list[list[Struct]]:
-    """Pairs whose witnesses are variants of each other, the groups in the order of the witnesses."""
+    """Return the groups of pairs with variant witnesses, in the order of the witnesses."""
     variables = [term_variables(pair.args[0], machine.meter) for pair in _counted(machine, pairs)]
     stand_ins = _in_order(max(map(len, variables), default=0))
     key_of = sort_key(iso=machine.flags.iso, meter=machine.meter)
@@ -121,7 +121,7 @@ def _groups_by_witness(machine: Caller, pairs: list[Struct]) -> list[list[Struct
 def solution_groups(
     machine: Caller, answers: Term, witness: Term, as_set: Term, found: Term
 ) -> Iterator[bool | None]:
-    """The templates of each group of ``Witness-Template`` pairs with variant witnesses, sorted for a set.
+    """Yield the templates of each group of ``Witness-Template`` pairs with variant witnesses.
 
     Source: ISO 13211-1, 8.10.2 and 8.10.3.
     """
@@ -148,7 +148,7 @@ def solution_groups(
 
 @det("$check_partial_list", 1)
 def check_result(machine: Caller, term: Term) -> bool:
-    """Refuse what no list can be unified with; SWI-Prolog only fails then."""
+    """Refuse a term that no list unifies with; SWI-Prolog only fails."""
     if machine.flags.iso:
         check_partial_list(term)
     return True

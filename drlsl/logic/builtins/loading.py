@@ -1,4 +1,4 @@
-"""Loading files by goals: consult/1 and its like, which are directives too."""
+"""Loading files by goals: consult/1 and others, which are directives, too."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def _load(machine: Machine, files: Term, continuation: Task, *, again: bool) -> 
 @control("load_files", 1)
 @control("load_files", 2)
 def consult(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    """Load files, as it stands in the options of SWI-Prolog's load_files/2 or not."""
+    """Load files, with or without the options of SWI-Prolog's load_files/2."""
     return _load(machine, args[0], continuation, again=True)
 
 
 @control(".", 2)
 def consult_list(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    """``[File, ...]``"""
+    """Load the files of ``[File, ...]``."""
     return _load(machine, Struct(".", tuple(args)), continuation, again=True)
 
 
@@ -41,5 +41,5 @@ def ensure_loaded(machine: Machine, args: Sequence[Term], continuation: Task) ->
 
 @control("exists_source", 1)
 def exists_source(machine: Machine, args: Sequence[Term], continuation: Task) -> Task:
-    """Whether there is a library or a file to load."""
+    """Succeed if there is a library or a file to load."""
     return continuation if machine.engine.finds(args[0]) else FAIL

@@ -18,10 +18,10 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, format_term, 
 
 
 def text(term: Term, machine: Caller | None = None) -> str:
-    """The text of an argument.
+    """Return the text of an argument.
 
     Raises:
-        InstantiationError, PrologTypeError: a variable; a term that is no text.
+        InstantiationError, PrologTypeError: a variable; a term that is not a text.
     """
     found = any_text(term, machine)
     if found is not None:
@@ -47,7 +47,7 @@ def _is_free(term: Term) -> bool:
 
 @det("atom_number", 2)
 def atom_number(machine: Caller, atom: Term, number: Term) -> bool:
-    """Fails where the atom is not the text of a number."""
+    """Relate an atom and its number; fail if the atom is not the text of a number."""
     if not _is_free(atom):
         return _unify_number(machine, _atomic_text(atom, machine), number)
     return machine.unify(atom, Atom(number_text(_number(number), machine)))
@@ -55,7 +55,7 @@ def atom_number(machine: Caller, atom: Term, number: Term) -> bool:
 
 @det("number_string", 2)
 def number_string(machine: Caller, number: Term, string: Term) -> bool:
-    """Fails where the string is not the text of a number."""
+    """Relate a number and its string; fail if the string is not the text of a number."""
     if not _is_free(string):
         return _unify_number(machine, text(string, machine), number)
     return machine.unify(string, number_text(_number(number), machine))
@@ -79,7 +79,7 @@ def _number(term: Term) -> int | float:
 
 
 def _declare_conversion(name: str, first: Callable[[str], Term], second: Callable[[str], Term]) -> None:
-    """A relation of two texts of the same characters, each made by its function when it is a variable."""
+    """Declare a relation of two texts with the same characters, each made by its function."""
 
     @det(name, 2)
     def conversion(machine: Caller, left: Term, right: Term) -> bool:
@@ -125,7 +125,7 @@ _declare_change("downcase_atom", lambda given: Atom(given.lower()))
 
 @det("string_code", 3)
 def string_code(machine: Caller, index: Term, string: Term, code: Term) -> bool:
-    """The code of the character at a place that counts from 1; fails outside the string."""
+    """Unify with the code of the character at an index from 1; fail outside the string."""
     place = _number(index)
     characters = text(string, machine)
     if not isinstance(place, int):
@@ -164,7 +164,7 @@ def string_concat(machine: Caller, first: Term, second: Term, whole: Term) -> It
 
 @nondet("text_concat", 3)
 def text_concat(machine: Caller, first: Term, second: Term, whole: Term) -> Iterator[bool]:
-    """As string_concat/3; the result is a string only if one of the arguments is."""
+    """Behave as string_concat/3, with a string as result only if one of the arguments is one."""
     string = any(isinstance(deref(part), str) for part in (first, second, whole))
     return _concat(machine, first, second, whole, _string if string else Atom)
 
@@ -181,7 +181,7 @@ def sub_string(
 def split_string(machine: Caller, string: Term, separators: Term, pad: Term, parts: Term) -> bool:
     """Split at each separator and strip the characters of `pad` from both ends of each part.
 
-    A run of separators that are padding too counts as one.
+    A run of separators that are also padding counts as one.
     """
     given, split_at, strip = text(string, machine), text(separators, machine), text(pad, machine)
     check_size(machine, given)
@@ -206,7 +206,7 @@ def atomic_list_concat(machine: Caller, parts: Term, whole: Term) -> bool:
 
 
 def _joined(machine: Caller, between: str, parts: list[Term]) -> str:
-    """The texts of atomic terms with a text between them."""
+    """Return the texts of atomic terms with a text between them."""
     texts: list[str] = []
     for part in parts:
         texts.append(_atomic_text(part, machine))
@@ -231,12 +231,12 @@ def atomic_list_concat_separated(machine: Caller, parts: Term, separator: Term, 
 
 
 def _read(machine: Caller, characters: Term) -> ReadTerm:
-    """The term that a text denotes."""
+    """Return the term of a text."""
     return read_term(text(characters, machine), machine.operators, machine.flags, "user", machine.meter)
 
 
 def written(machine: Caller, term: Term) -> str:
-    """A term as writeq/1 writes it."""
+    """Return a term as writeq/1 writes it."""
     return format_term(term, machine.operators, quoted=True, numbervars=True, meter=machine.meter)
 
 
@@ -259,7 +259,7 @@ def read_term_from_atom(machine: Caller, atom: Term, term: Term, _options: Term)
 
 @det("atom_to_term", 3)
 def atom_to_term(machine: Caller, atom: Term, term: Term, bindings: Term) -> bool:
-    """The term that a text denotes, with its variables as ``Name = Variable``."""
+    """Unify with the term of a text, and with its variables as ``Name = Variable``."""
     read = _read(machine, atom)
     named = [Struct("=", (Atom(name), variable)) for name, variable in read.variables.items()]
     return machine.unify(term, read.term) and machine.unify(bindings, make_list(named))
@@ -275,7 +275,7 @@ def code_type(machine: Caller, code: Term, kind: Term) -> Iterator[bool]:
     return _classify(machine, code, kind, ord)
 
 
-_LATIN: Final = 256  # how far char_type(-, +) looks for characters
+_LATIN: Final = 256  # the last character that char_type(-, +) tries
 _CLASSES: Final[dict[str, Callable[[str], bool]]] = {
     "alnum": str.isalnum,
     "alpha": lambda char: char.isalnum() or char == "_",
@@ -317,7 +317,7 @@ def _belongs(machine: Caller, char: str, kind: Term, make: Callable[[str], Term]
 
 
 def _relates(machine: Caller, char: str, kind: Struct, make: Callable[[str], Term]) -> bool:
-    """digit(Weight), to_lower(Lower), to_upper(Upper), upper(Lower), lower(Upper)"""
+    """Relate a character by digit(Weight), to_lower(Lower), to_upper(Upper), upper(Lower), lower(Upper)."""
     argument = kind.args[0]
     if kind.name == "digit":
         return char in "0123456789" and machine.unify(argument, int(char))

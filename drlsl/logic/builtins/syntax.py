@@ -1,4 +1,4 @@
-"""What changes how text is read: operators, flags and the conversion of characters.
+"""Predicates that change how text is read: operators, flags and the conversion of characters.
 
 Source: ISO 13211-1 8.14.3 to 8.14.6 and 8.17 with Cor.2.
 """
@@ -28,7 +28,7 @@ def op(machine: Caller, priority: Term, specifier: Term, names: Term) -> bool:
 
 
 def _check_op(machine: Caller, priority: Term, specifier: Term, names: Term) -> tuple[int, str, list[str]]:
-    """The arguments of op/3 once they are known to be what the standard asks for, checked in its order."""
+    """Return the arguments of op/3 after the standard's checks, in its order."""
     if isinstance(priority, Var) or isinstance(specifier, Var) or isinstance(names, Var):
         raise instantiation_error()
     elements, tail = (
@@ -56,7 +56,7 @@ def _check_op(machine: Caller, priority: Term, specifier: Term, names: Term) -> 
 
 
 def _check_operator(operators: Operators, priority: int, specifier: str, name: str) -> None:
-    """Refuse what would make the syntax ambiguous. Source: 6.3.4.3, 8.14.3.3 with Cor.2."""
+    """Refuse an operator that would make the syntax ambiguous. Source: 6.3.4.3, 8.14.3.3 with Cor.2."""
     infix = len(specifier) == 3
     if name == ",":
         raise permission_error("modify", "operator", Atom(name))

@@ -1,4 +1,4 @@
-"""Checks of arguments, clocks and what else SWI-Prolog programs take for granted."""
+"""Checks of arguments, clocks and other predicates that SWI-Prolog programs rely on."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ _LEAST: Final = {"nonneg": 0, "positive_integer": 1}
 
 @det("must_be", 2)
 def must_be(machine: Caller, kind: Term, term: Term) -> bool:
-    """Succeed where a term is of a type, else raise the error that says what is wrong."""
+    """Succeed if a term is of a type, else raise the appropriate error."""
     kind, term = deref(kind), deref(term)
     if isinstance(kind, Var):
         raise instantiation_error()
@@ -77,7 +77,7 @@ def must_be(machine: Caller, kind: Term, term: Term) -> bool:
 
 
 def _must_fit(machine: Caller, kind: Struct, term: Term) -> bool:
-    """oneof(List), between(Low, High), list(Type), list_of(Type)"""
+    """Check oneof(List), between(Low, High), list(Type) and list_of(Type)."""
     if kind.name in ("list", "list_of") and len(kind.args) == 1:
         return all(must_be(machine, kind.args[0], element) for element in items(term, machine))
     if isinstance(term, Var):
@@ -100,13 +100,13 @@ def _must_fit(machine: Caller, kind: Struct, term: Term) -> bool:
 
 
 def _outside(domain: Struct, culprit: Term) -> PrologError:
-    """A domain error whose domain is a compound term."""
+    """Return a domain error whose domain is a compound term."""
     return error_from_term(Struct("error", (Struct("domain_error", (domain, culprit)), Var())))
 
 
 @det("is_of_type", 2)
 def is_of_type(machine: Caller, kind: Term, term: Term) -> bool:
-    """Whether a term is of a type that must_be/2 knows."""
+    """Succeed if a term is of a type of must_be/2."""
     try:
         return must_be(machine, kind, term)
     except (InstantiationError, PrologTypeError, DomainError):
@@ -135,7 +135,7 @@ for _name, _arity in (
 
 @det("divmod", 4)
 def divmod_(machine: Caller, dividend: Term, divisor: Term, quotient: Term, rest: Term) -> bool:
-    """The quotient rounded down, and what is left."""
+    """Unify with the quotient rounded down, and the remainder."""
     left, right = integer(dividend), integer(divisor)
     if right == 0:
         raise evaluation_error("zero_divisor")
@@ -146,7 +146,7 @@ def divmod_(machine: Caller, dividend: Term, divisor: Term, quotient: Term, rest
 
 @det("statistics", 2)
 def statistics(machine: Caller, key: Term, value: Term) -> bool:
-    """Times in ms, in all and since they were last asked for; ``cputime`` in s."""
+    """Unify with times in ms, in total and since the last query of them; ``cputime`` in s."""
     name = atom(key).name
     if name in ("cputime", "process_cputime"):
         return machine.unify(value, time.process_time())
@@ -171,13 +171,13 @@ def get_time(machine: Caller, now: Term) -> bool:
 
 @det("garbage_collect", 0)
 def garbage_collect(_machine: Caller) -> bool:
-    """Python collects by itself."""
+    """Succeed: Python collects garbage by itself."""
     return True
 
 
 @det("style_check", 1)
 def style_check(_machine: Caller, _style: Term) -> bool:
-    """The loader always warns."""
+    """Succeed: the loader always warns."""
     return True
 
 

@@ -10,17 +10,17 @@ from drlsl.logic.terms import Struct, Term
 
 
 class _Unsupported(PrologPermissionError):
-    """A table of a kind that there is not."""
+    """A kind of table that is not supported."""
 
     def message(self) -> str:
         return f"{super().message()}: tables hold every answer, so declare Name/Arity"
 
 
 def _indicators(specification: Term) -> list[Indicator]:
-    """The predicates that an argument of table/1 names.
+    """Return the predicates that an argument of table/1 names.
 
     Raises:
-        PrologError: It names none, or wants answers to be joined (``path(_, _, min)``) or another method.
+        PrologError: It names none, or requests aggregated answers (``path(_, _, min)``) or another method.
     """
     named = []
     for term in members(specification):
@@ -46,6 +46,6 @@ def table(machine: Caller, specification: Term) -> bool:
 
 @det("abolish_all_tables", 0)
 def abolish_all_tables(machine: Caller) -> bool:
-    """Drop the answers of tabled predicates, which any change of a clause does too."""
+    """Drop the answers of tabled predicates, as any change of a clause does."""
     machine.program.tables.clear()
     return True

@@ -1,4 +1,4 @@
-"""Characters and terms out and in: the standard streams and text in memory.
+"""Input and output of characters and terms: the standard streams and text in memory.
 
 An engine opens no files: its streams are ``user_output`` (the machine's output), ``user_error`` and
 ``user_input``. Source: ISO 13211-1 8.11 to 8.14.
@@ -35,7 +35,7 @@ _INPUTS = frozenset({"user_input", "current_input"})
 
 
 def output_stream(machine: Caller, stream: Term) -> TextIO:
-    """The stream that an alias stands for."""
+    """Return the stream of an alias."""
     name = _alias(stream)
     if name in _INPUTS:
         raise permission_error("output", "stream", deref(stream))
@@ -54,7 +54,7 @@ def _alias(stream: Term) -> str:
 
 
 def emit(machine: Caller, text: str, stream: TextIO | None = None) -> bool:
-    """Write text and remember the column where it ends, which column stops of format/2 count from."""
+    """Write text and remember its last column, from which column stops of format/2 count."""
     target = machine.output if stream is None else stream
     machine.meter.text(len(text))
     target.write(text)
@@ -66,7 +66,7 @@ def emit(machine: Caller, text: str, stream: TextIO | None = None) -> bool:
 
 
 def pending_column(machine: Caller, stream: TextIO) -> int:
-    """How many characters were written to a stream since its last newline, where that is known."""
+    """Return the number of characters written to a stream since its last newline, if known."""
     known: tuple[TextIO, int] | None = machine.state.get("line")
     return known[1] if known is not None and known[0] is stream else 0
 
@@ -136,7 +136,7 @@ def tab(machine: Caller, count: Term) -> str:
     return " " * number
 
 
-# Terms out.
+# Output of terms.
 
 
 def _declare_write(name: str, newline: bool = False, **style: Any) -> None:
@@ -153,7 +153,7 @@ _declare_write("writeq", quoted=True, numbervars=True)
 
 
 def canonical(term: Term, operators: Operators, meter: Meter | None = None) -> str:
-    """A term as write_canonical/1 writes it: no operators, and variables named ``_1``, ``_2`` in order."""
+    """Return a term as by write_canonical/1: no operators, and variables named ``_1``, ``_2`` in order."""
     names = {id(variable): f"_{number}" for number, variable in enumerate(term_variables(term, meter), 1)}
     return format_term(term, operators, quoted=True, ignore_ops=True, variable_names=names, meter=meter)
 
@@ -192,7 +192,7 @@ def _with_options(machine: Caller, term: Term, options: Term) -> str:
 
 
 def option_list(options: Term) -> list[Term]:
-    """The elements of a list of options, none of them a variable."""
+    """Return the elements of a list of options, none of them a variable."""
     elements, tail = prefix(options)
     dereferenced = [deref(element) for element in elements]
     if isinstance(tail, Var) or any(isinstance(element, Var) for element in dereferenced):
@@ -203,7 +203,7 @@ def option_list(options: Term) -> list[Term]:
 
 
 def _read_write_option(option: Term, style: dict[str, Any], ends: dict[str, str]) -> None:
-    """Put what one option of write_term/2 says into `style` or `ends`."""
+    """Put the effect of one option of write_term/2 into `style` or `ends`."""
     if not isinstance(option, Struct) or len(option.args) != 1:
         raise domain_error("write_option", option)
     name, value = option.name, deref(option.args[0])
@@ -228,7 +228,7 @@ def _read_write_option(option: Term, style: dict[str, Any], ends: dict[str, str]
 
 
 def _variable_names(option: Term, value: Term) -> dict[int, str]:
-    """The names of a variable_names option; the first name given to a variable counts."""
+    """Return the names of a variable_names option; the first name given to a variable counts."""
     elements, tail = prefix(value)
     if isinstance(tail, Var):
         raise instantiation_error()
@@ -253,7 +253,7 @@ def _variable_names(option: Term, value: Term) -> dict[int, str]:
 
 @control("with_output_to", 2)
 def with_output_to(machine: Solver, args: Sequence[Term], continuation: Task) -> Task:
-    """Prove a goal once and unify the sink with what it wrote."""
+    """Prove a goal once and unify the sink with its output."""
     sink, goal = deref(args[0]), args[1]
     make = sink_maker(sink)
     before, buffer = machine.output, io.StringIO()
@@ -274,7 +274,7 @@ def _end_output(machine: Solver, task: Task) -> Task:
 
 
 def sink_maker(sink: Term) -> Any:
-    """How a sink such as ``atom(A)`` turns text into a term."""
+    """Return the function by which a sink such as ``atom(A)`` turns text into a term."""
     if isinstance(sink, Var):
         raise instantiation_error()
     if not isinstance(sink, Struct) or len(sink.args) != 1 or sink.name not in _SINKS:
@@ -295,18 +295,18 @@ _SINKS: dict[str, Any] = {
 }
 
 
-# Terms and characters in.
+# Input of terms and characters.
 
 
 class Input:
-    """What is left of a stream that terms and characters are read from."""
+    """The rest of a stream that terms and characters are read from."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
         self.rest = ""
 
     def peek(self) -> str:
-        """The next character, or the empty string at the end."""
+        """Return the next character, or the empty string at the end."""
         if not self.rest:
             self.rest = self.stream.readline()
         return self.rest[:1]
@@ -318,7 +318,7 @@ class Input:
         return char
 
     def read(self, operators: Operators, flags: Flags, meter: Meter) -> ReadTerm | None:
-        """The next term, or None at the end of the stream."""
+        """Return the next term, or None at the end of the stream."""
         while not is_complete(self.rest, flags):
             line = self.stream.readline()
             if not line:

@@ -1,6 +1,6 @@
 """Atoms and numbers as text. Source: ISO 13211-1 8.16 with Cor.2.
 
-Where the flag ``iso`` is false, a number stands for its text wherever an atom is expected, as in SWI-Prolog.
+While the flag ``iso`` is false, a number stands for its text wherever an atom is expected, as in SWI-Prolog.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from drlsl.logic.syntax import parse_number
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, decimal_digits, deref, format_float, make_list
 
 MAX_CODE = 0x10FFFF
-# Trying one more way to split a text takes as long as so many of its characters.
+# Trying one more way to split a text takes as long as this many of its characters.
 TRY = 512
 
 
 def number_text(number: int | float, machine: Caller | None = None) -> str:
-    """A number as it is written."""
+    """Return the text of a number."""
     meter = None if machine is None else machine.meter
     return decimal_digits(number, meter) if isinstance(number, int) else format_float(number)
 
 
 def text_of(machine: Caller, term: Term) -> str:
-    """The text of an argument that must be an atom (or a string; a number too where ``iso`` is false)."""
+    """Return the text of an argument that must be an atom (or a string, or a number unless ``iso``)."""
     term = deref(term)
     if isinstance(term, Atom):
         return term.name
@@ -40,12 +40,12 @@ def text_of(machine: Caller, term: Term) -> str:
 
 
 def optional_text(machine: Caller, term: Term) -> str | None:
-    """The text of an argument that must be an atom or a variable; None for a variable."""
+    """Return the text of an argument that must be an atom or a variable; None for a variable."""
     return None if isinstance(deref(term), Var) else text_of(machine, term)
 
 
 def _size(term: Term) -> int | None:
-    """An argument that must be a variable or an integer, zero or more."""
+    """Return an argument that must be a variable or an integer of 0 or more."""
     term = deref(term)
     if isinstance(term, Var):
         return None
@@ -69,7 +69,7 @@ def atom_length(machine: Caller, atom: Term, length: Term) -> bool:
 
 
 def check_size(machine: Caller, *parts: str) -> None:
-    """Make sure that there is room for a text of these parts.
+    """Check that there is memory for a text of these parts.
 
     Raises:
         LimitExceeded: There is not.
@@ -78,10 +78,10 @@ def check_size(machine: Caller, *parts: str) -> None:
 
 
 def join(machine: Caller, parts: Sequence[str], between: str = "") -> str:
-    """Texts with a text between them.
+    """Return texts with a text between them.
 
     Raises:
-        LimitExceeded: There is no room for it.
+        LimitExceeded: There is no memory for it.
     """
     machine.meter.text(sum(map(getsizeof, parts)) + getsizeof(between) * len(parts))
     return between.join(parts)
@@ -90,7 +90,7 @@ def join(machine: Caller, parts: Sequence[str], between: str = "") -> str:
 def concat(
     machine: Caller, first: Term, second: Term, whole: Term, make: Callable[[str], Term]
 ) -> Iterator[bool]:
-    """Join two texts, or split one in every way: what atom_concat/3 and string_concat/3 share."""
+    """Join two texts, or split one in every way, for atom_concat/3 and string_concat/3."""
     parts = deref(first), deref(second)
     if isinstance(deref(whole), Var) and (isinstance(parts[0], Var) or isinstance(parts[1], Var)):
         raise instantiation_error()
@@ -132,7 +132,7 @@ def sub_text(
     sub: Term,
     make: Callable[[str], Term],
 ) -> Iterator[bool]:
-    """Each part of a text with what lies before and after it: what sub_atom/5 and sub_string/5 share."""
+    """Yield for each part of a text the text before and after it, for sub_atom/5 and sub_string/5."""
     known = optional_text(machine, sub)
     sizes = _size(before), _size(length), _size(after)
     _not_negative(*sizes)
@@ -151,7 +151,7 @@ def sub_text(
 def _places(
     machine: Caller, text: str, known: str | None, before: int | None, length: int | None, after: int | None
 ) -> Iterator[tuple[int, int]]:
-    """Start and end of each part that fits what is known, in order."""
+    """Yield start and end of each part that fits the known arguments, in order."""
     total = len(text)
     if known is not None:
         if before is not None:
@@ -183,7 +183,7 @@ def _places(
 
 
 def _found(machine: Caller, text: str, part: str, start: int) -> int:
-    """Where a part begins in a text, from a place on; -1 where it does not."""
+    """Return the start of a part in a text, from a place on; -1 if it does not occur."""
     place = text.find(part, start)
     machine.meter.spend(((len(text) if place < 0 else place) - start) // TRY)
     return place
@@ -198,12 +198,12 @@ def sub_atom(
 
 
 def is_character(term: Term) -> bool:
-    """Whether a dereferenced term is a one-char atom."""
+    """Return whether a dereferenced term is a one-char atom."""
     return isinstance(term, Atom) and len(term.name) == 1
 
 
 def is_code(term: Term) -> bool:
-    """Whether a dereferenced term is a character code."""
+    """Return whether a dereferenced term is a character code."""
     return isinstance(term, int) and 0 <= term <= MAX_CODE
 
 
@@ -220,10 +220,10 @@ def _check_code(term: Term) -> str:
 
 
 def listed_text(machine: Caller, term: Term, check: Callable[[Term], str]) -> str | None:
-    """The text of a list of characters or codes; None where the list or an element is not bound yet.
+    """Return the text of a list of characters or codes; None if the list or an element is unbound.
 
     Raises:
-        PrologTypeError: an element of the wrong kind, then a term that is no list.
+        PrologTypeError: an element of the wrong kind, then a term that is not a list.
     """
     elements, tail = prefix(term, machine)
     partial = False
@@ -299,7 +299,7 @@ _declare_number_list("number_codes", _check_code, ord)
 
 
 def any_text(term: Term, machine: Caller | None = None) -> str | None:
-    """The text of an atomic term or of a list of characters or codes; None for any other term."""
+    """Return the text of an atomic term or of a list of characters or codes; None for any other term."""
     term = deref(term)
     if isinstance(term, str):
         return term

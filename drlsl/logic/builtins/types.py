@@ -1,4 +1,4 @@
-"""Type tests, and what takes terms apart and puts them together."""
+"""Type tests, and predicates that take terms apart and put them together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drlsl.logic.core import Caller, copy_term, det, is_ground, nondet, quick, s
 from drlsl.logic.errors import domain_error, instantiation_error, representation_error, type_error
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, is_acyclic, make_list
 
-# The most arguments that functor/3 gives a term; beyond it there is only memory to lose.
+# The most arguments that functor/3 gives a term, to protect the memory.
 _MOST_ARGUMENTS = 1 << 24
 
 
@@ -106,7 +106,7 @@ def arg(machine: Caller, position: Term, term: Term, value: Term) -> Iterator[bo
 
 @quick(arg)
 def _arg_at(machine: Caller, position: Term, term: Term, value: Term) -> bool | None:
-    """The argument at a known position."""
+    """Unify with the argument at a known position."""
     position, term = deref(position), deref(term)
     if type(position) is not int or type(term) is not Struct or position < 0:
         return None

@@ -32,17 +32,17 @@ Number: TypeAlias = int | float
 _NESTED: Final = 150
 _FEW_NESTED: Final = 8
 _STEPS_OF_OPERATION: Final = 3
-# After so many steps, a long walk makes sure once that the term has an end.
+# After this many steps, a long walk checks once that the term is finite.
 _LONG: Final = 10_000
 
 
 def evaluate(term: Term, machine: Caller, nested: int = 0) -> Number:
-    """The value of an arithmetic expression.
+    """Return the value of an arithmetic expression.
 
     Raises:
         InstantiationError: A variable in it is unbound.
         PrologTypeError: Something in it is not evaluable, or of the wrong type.
-        EvaluationError: It has no value. Source: ISO 13211-1, 9.1.4.
+        EvaluationError: It is undefined. Source: ISO 13211-1, 9.1.4.
     """
     while True:
         kind = type(term)
@@ -58,7 +58,7 @@ def evaluate(term: Term, machine: Caller, nested: int = 0) -> Number:
         return _evaluate_constant(term, machine)
     assert type(term) is Struct
     if nested > _FEW_NESTED:
-        # Parts that are shared are evaluated each time: a term of a few cells may be long in doing so.
+        # Shared parts are evaluated each time: a term of a few cells may take long.
         machine.meter.spend(_STEPS_OF_OPERATION)
         if nested > _NESTED:
             return _evaluate_deep(term, machine)
@@ -81,7 +81,7 @@ def evaluate(term: Term, machine: Caller, nested: int = 0) -> Number:
 
 
 def _evaluate_rare(term: Struct, values: list[Number], machine: Caller, nested: int) -> Number:
-    """A functor that is no ordinary operation; `values` holds the arguments' values if they are known."""
+    """Return the value of an unusual functor; `values` holds the arguments' values if they are known."""
     name, arity = term.name, len(term.args)
     if name == "." and arity == 2 and deref(term.args[1]) is NIL:
         char = deref(term.args[0])
@@ -103,15 +103,15 @@ def _modular_power(base: int, exponent: int, modulus: int, machine: Caller) -> i
     check_division(base, modulus, machine.meter)
     try:
         return pow(base, exponent, modulus)
-    except ValueError:  # a negative power of what has no inverse
+    except ValueError:  # a negative power of an integer without an inverse
         raise evaluation_error("undefined") from None
 
 
 def _evaluate_deep(root: Struct, machine: Caller) -> Number:
-    """`evaluate` with its own stack, for expressions nested deeper than Python's.
+    """Evaluate with an explicit stack, for expressions nested deeper than Python's.
 
     Raises:
-        CyclicTerm: The expression has no end.
+        CyclicTerm: The expression is infinite.
     """
     values: list[Number] = []
     todo: list[tuple[Term, bool]] = [(root, False)]
@@ -171,7 +171,7 @@ def _integer(value: Number) -> int:
 
 
 def check_float(value: float, *inputs: Number) -> float:
-    """A float result: an infinity or NaN that no input brought in is an error. Source: ISO, 9.1.4.2."""
+    """Return a float result, unless it is an infinity or NaN without such an input. Source: ISO, 9.1.4.2."""
     if value - value != 0.0:
         if math.isnan(value):
             if not any(map(_is_nan, inputs)):
@@ -190,7 +190,7 @@ def _is_special(value: Number) -> bool:
 
 
 def to_float(value: Number) -> float:
-    """A number as a float.
+    """Return a number as a float.
 
     Raises:
         EvaluationError: ``float_overflow`` for an integer beyond the floats.
@@ -205,9 +205,9 @@ def to_float(value: Number) -> float:
 
 
 def of_one_type(left: Number, right: Number) -> tuple[Number, Number]:
-    """Two numbers as they are compared: an integer beside a float is made a float too.
+    """Return two numbers in the type of their comparison: an integer beside a float becomes a float.
 
-    One beyond the floats stays, and compares as the greater or the less that it is.
+    An integer beyond the floats is kept, and compares by its magnitude.
 
     Source: ISO 13211-1, 8.7.1 with 9.1.4.1.
     """
@@ -227,11 +227,11 @@ COMPARISONS: Final[dict[str, Callable[[Any, Any], bool]]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-"""What holds of two numbers of one type, by the name of the comparison."""
+"""Comparisons of two numbers of one type, by name."""
 
 
 def comparison(name: str) -> Callable[[Number, Number], bool]:
-    """What holds of two numbers of any type."""
+    """Return a comparison of two numbers of any type."""
     holds = COMPARISONS[name]
     return lambda left, right: holds(*of_one_type(left, right))
 
@@ -243,13 +243,13 @@ Unary: TypeAlias = Callable[[Any, "Caller"], Number]
 
 
 def _made(value: int, machine: Caller) -> int:
-    """A large integer that an operation has made, accounted for."""
+    """Return a large integer that an operation has created, accounted for."""
     machine.meter.text(value.bit_length() >> 3)
     return value
 
 
 def _arithmetic(operation: Callable[[Any, Any], Any]) -> Binary:
-    """Addition and its like: exact for integers, checked for floats."""
+    """Return an operation such as addition: exact for integers, checked for floats."""
 
     def apply(left: Number, right: Number, machine: Caller) -> Number:
         if type(left) is int and type(right) is int:
@@ -276,7 +276,7 @@ _multiply_floats = _arithmetic(operator.mul)
 
 
 def _integers(operation: Callable[[int, int], int], *, is_slow: bool = False) -> Binary:
-    """An operation of integers alone; a slow one takes time that grows with the product of their sizes."""
+    """Return an operation of integers only; a slow one takes time by the product of their sizes."""
 
     def apply(left: Number, right: Number, machine: Caller) -> Number:
         if type(left) is int and type(right) is int:
@@ -290,7 +290,7 @@ def _integers(operation: Callable[[int, int], int], *, is_slow: bool = False) ->
 
 
 def _division(operation: Callable[[int, int], int]) -> Binary:
-    """An integer division or remainder: a zero divisor is an evaluation error."""
+    """Return an integer division or remainder: a zero divisor is an evaluation error."""
 
     def checked(left: int, right: int) -> int:
         if right == 0:
@@ -352,7 +352,8 @@ def _power_of_floats(left: Number, right: Number) -> float:
     try:
         return check_float(math.pow(base, exponent), base, exponent)
     except ValueError:
-        # math.pow has two such cases: zero to a negative power, and a negative base with a broken exponent.
+        # math.pow has two such cases: zero to a negative power, and a negative base with a fractional
+        # exponent.
         raise evaluation_error("zero_divisor" if base == 0.0 else "undefined") from None
     except OverflowError:
         raise evaluation_error("float_overflow") from None
@@ -396,7 +397,7 @@ def _minimum(left: Number, right: Number, _machine: Caller) -> Number:
 
 
 def _of_equals(left: Number, right: Number, sign: float) -> Number:
-    """Of two equal numbers the float, as SWI-Prolog has it; of two zeros one with the sign."""
+    """Return the float of two equal numbers, as SWI-Prolog; of two zeros the one with the sign."""
     if type(left) is type(right) is float:
         return left if math.copysign(1.0, left) == sign else right
     return left if type(left) is float else right
@@ -456,7 +457,7 @@ BINARY: Final[dict[str, Binary]] = {
 
 
 def _of_float(function: Callable[[float], float]) -> Unary:
-    """A function of floats: undefined outside its domain."""
+    """Return a function of floats: undefined outside its domain."""
 
     def apply(value: Number, _machine: Caller) -> float:
         given = to_float(value)
@@ -473,7 +474,7 @@ def _of_float(function: Callable[[float], float]) -> Unary:
 
 
 def _rounding(function: Callable[[Any], int]) -> Unary:
-    """A function from floats to integers."""
+    """Return a function from floats to integers."""
 
     def apply(value: Number, _machine: Caller) -> int:
         if type(value) is int:
@@ -528,7 +529,7 @@ def _most_significant_bit(value: Number, _machine: Caller) -> int:
 
 
 def generator(machine: Caller) -> random.Random:
-    """The engine's own source of random numbers."""
+    """Return the engine's source of random numbers."""
     known: random.Random = machine.state.setdefault("random", random.Random())
     return known
 

@@ -1,4 +1,4 @@
-"""What the plain solver runs: a clause as patterns for its head and a graph of nodes for its body.
+"""The plain solver's code: a clause as patterns for its head and a graph of nodes for its body.
 
 A frame is a list: the height of the choice points to cut back to, the continuation, the arguments of the
 call, then a slot for each other variable of the clause (None until its first occurrence) and one for each
@@ -39,12 +39,12 @@ HEIGHT: Final = 0
 CONTINUATION: Final = 1
 FIRST_SLOT: Final = 2
 
-# What a node does, the most frequent first.
+# The kinds of nodes, the most frequent first.
 CALL, DET, PROCEED, IN_PLACE, CUT, FAIL, BRANCH, EITHER, SOFT_CUT, CONTROL, NONDET, RAISE = range(12)
 
 _DEEPEST_PATTERN: Final = 60
 _LARGEST_PATTERN: Final = 2_000
-# A pattern that would make more cells than this, each time that its clause is used, is refused.
+# A pattern that would create more cells than this at each use of its clause is refused.
 _MOST_CELLS: Final = 2_000_000
 _STEPS_OF_SHELL: Final = 10
 
@@ -59,7 +59,7 @@ class Local:
 
 
 class First(Local):
-    """A variable where it occurs for the first time."""
+    """A variable at its first occurrence."""
 
     __slots__ = ()
 
@@ -75,7 +75,7 @@ class Pattern:
 
 
 class DeepPattern(Pattern):
-    """A pattern too deep, or too large, to be walked by recursion; `cells` is how many it makes."""
+    """A pattern too deep, or too large, for recursion; `cells` is the number that it creates."""
 
     __slots__ = ("cells",)
 
@@ -85,7 +85,7 @@ class DeepPattern(Pattern):
 
 
 class Node:
-    """One step of a body; `next` is what follows when it succeeds."""
+    """One step of a body; `next` is the step after its success."""
 
     __slots__ = ("args", "clause", "function", "name", "next", "op", "other", "slot", "target")
 
@@ -108,15 +108,15 @@ FAIL_NODE: Final = Node(FAIL)
 
 
 class Code:
-    """A clause made ready.
+    """The prepared form of a clause.
 
     Attributes:
-        head: the patterns of the head, each with the position of its argument.
-        blanks: what a frame holds behind the arguments.
-        guard: the deterministic builtins that the body begins with, run before the other clauses are left
-            as a choice.
+        head: the patterns of the head, each with the position of its argument. blanks: the part of a frame
+        after the arguments. guard: the deterministic builtins at the beginning of the body, run before a
+        choice point for the other
+            clauses is made.
         commits: whether a cut follows them.
-        body: what follows.
+        body: the rest.
     """
 
     __slots__ = ("blanks", "body", "commits", "guard", "head")
@@ -134,7 +134,7 @@ class Code:
 
 
 def build(pattern: Pattern, frame: list[Any]) -> Struct:
-    """The term of a pattern, with fresh variables for those that occur for the first time."""
+    """Return the term of a pattern, with fresh variables for those that occur for the first time."""
     if type(pattern) is DeepPattern:
         return _build_deep(pattern, frame)
     args: list[Any] = []
@@ -178,16 +178,16 @@ def _build_deep(pattern: Pattern, frame: list[Any]) -> Struct:
 
 
 class Slots:
-    """Which slot of the frame each variable of a clause has.
+    """The slot of each variable of a clause in the frame.
 
-    The arguments of a call lie in the frame's first slots, so a variable that is one needs no other.
+    The arguments of a call are in the frame's first slots, so a variable that is one needs no other.
     """
 
     __slots__ = ("_locals", "_reusable", "_reuser", "left", "meter", "size")
 
     def __init__(self, args: Sequence[Term], meter: Meter | None = None) -> None:
         self.meter = meter
-        self.left = 0  # how many more compound terms a recursive walk may meet
+        self.left = 0  # the number of further compound terms for a recursive walk
         self.size = len(args)
         self._locals: dict[Var, Local] = {}
         self._reusable = 0
@@ -198,22 +198,22 @@ class Slots:
                 self._locals[arg] = Local(FIRST_SLOT + position)
 
     def is_argument(self, variable: Var, position: int) -> bool:
-        """Whether a variable's slot is that of the argument at a position."""
+        """Return whether a variable's slot is that of the argument at a position."""
         return self._locals[variable].index == FIRST_SLOT + position
 
     def reuse(self, position: int) -> None:
-        """Let the slot of an argument go to the next variable that occurs for the first time in the head."""
+        """Let the next variable with its first occurrence in the head use the slot of an argument."""
         self._reusable = FIRST_SLOT + position
         self._reuser = None
 
     def undo_reuse(self) -> None:
-        """Leave the slot to the argument after all: its pattern is not matched part by part."""
+        """Keep the slot for the argument after all: its pattern is not matched part by part."""
         self._reusable = 0
         if self._reuser is not None:
             del self._locals[self._reuser]
 
     def local(self, variable: Var) -> Local:
-        """A variable where it may have occurred before."""
+        """Return a variable that may have occurred before."""
         local = self._locals.get(variable)
         if local is None:
             local = self._locals[variable] = Local(FIRST_SLOT + self.size)
@@ -221,7 +221,7 @@ class Slots:
         return local
 
     def first(self, variable: Var) -> Local:
-        """A variable in the head; a `First` where it occurs for the first time."""
+        """Return a variable in the head; a `First` at its first occurrence."""
         local = self._locals.get(variable)
         if local is not None:
             return local
@@ -233,11 +233,11 @@ class Slots:
 
 
 class _TooDeep(Exception):
-    """A term nests too deep, or is too large, to be walked by recursion."""
+    """A term nests too deep, or is too large, for recursion."""
 
 
 def make_pattern(term: Term, slots: Slots, local: Callable[[Var], Local] | None = None) -> Any:
-    """A term as a pattern: its variables become what `local` makes of them, its ground subterms stay."""
+    """Return the pattern of a term: `local` converts its variables, ground subterms are kept."""
     term = deref(term)
     if type(term) is Var:
         return slots.local(term) if local is None else local(term)
@@ -278,7 +278,7 @@ def _compound_pattern(
 
 
 def _deep_pattern(term: Struct, slots: Slots) -> DeepPattern | Struct:
-    # Shells are filled from the top, one for a part that is shared; ground ones are turned back into terms
+    # Shells are filled from the top, one for each shared part; ground ones are turned back into terms
     # from the bottom.
     root = Pattern(term.name, ())
     order = [(root, term)]
@@ -321,7 +321,7 @@ def _deep_pattern(term: Struct, slots: Slots) -> DeepPattern | Struct:
 
 
 def _inner_first(root: Pattern) -> list[Pattern]:
-    """The compound parts of a pattern, each once and behind those inside it."""
+    """Return the compound parts of a pattern, each once and after those inside it."""
     order: list[Pattern] = []
     done: set[int] = set()
     todo: list[tuple[Pattern, bool]] = [(root, False)]
@@ -339,8 +339,8 @@ def _inner_first(root: Pattern) -> list[Pattern]:
 class BodyCompiler:
     """Turns the goals of one clause, or one goal to call, into nodes.
 
-    `link` fills in the node of a goal that is no control construct: what its name and arity stand for.
-    With `slots` None the goal is called as it stands: its variables are the caller's own.
+    `link` sets the target of a node by name and arity, unless it is a control construct. With `slots` None
+    the goal is called directly: its variables are the caller's own.
     """
 
     def __init__(
@@ -380,7 +380,7 @@ class BodyCompiler:
         return following
 
     def frame_size(self) -> int:
-        """How many slots a frame needs behind the continuation; final once everything is compiled."""
+        """Return the number of slots of a frame after the continuation, once everything is compiled."""
         return (0 if self._slots is None else self._slots.size) + self.barriers
 
     def _control(self, goal: Goal, following: Node, todo: list[Goal | _Step]) -> Node:
@@ -486,7 +486,7 @@ def _make_cells(cells: int, machine: Any) -> bool:
 def compile_clause(
     clause: Clause, link: Callable[[Node, str, int], None], meter: Meter | None = None
 ) -> Code:
-    """Make a clause ready to be run."""
+    """Prepare a clause to be run."""
     args = clause.args
     slots = Slots(args, meter)
     head: list[tuple[int, Any]] = []

@@ -1,6 +1,6 @@
 """The table of built-in predicates: pure functions of a machine and its arguments.
 
-A builtin keeps no state of its own. Whatever it reads or changes belongs to the machine that calls it, so any
+A builtin keeps no state of its own. All that it reads or changes belongs to the calling machine, so any
 number of engines share this table.
 """
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class Caller(Protocol):
-    """What a builtin may ask of the machine that calls it."""
+    """The machine's interface for the builtins that it calls."""
 
     @property
     def meter(self) -> Meter:
-        """What a builtin that does much in one call reports to."""
+        """The meter that long-running builtins report to."""
 
     @property
     def flags(self) -> Flags: ...
@@ -38,14 +38,14 @@ class Caller(Protocol):
 
     @property
     def state(self) -> dict[str, Any]:
-        """What modules of builtins must remember for each engine: open streams, random generators."""
+        """The state of builtin modules for each engine: open streams, random generators."""
 
     output: TextIO
     trail: list[Any]
-    """What backtracking has to undo: each variable that was bound."""
+    """The bindings that backtracking must undo."""
 
     def unify(self, left: Term, right: Term) -> bool:
-        """Make two terms equal, remembering each binding on the trail; True when that is possible."""
+        """Make two terms equal, recording each binding on the trail; return True if that is possible."""
 
     def trail_call(self, undo: Callable[[], None]) -> None:
         """Have `undo` called when execution backtracks beyond this point."""
@@ -66,7 +66,7 @@ Indicator: TypeAlias = tuple[str, int]
 DET_BUILTINS: dict[Indicator, Det] = {}
 NONDET_BUILTINS: dict[Indicator, Nondet] = {}
 CONTROL_BUILTINS: dict[Indicator, Control] = {}
-# Of some nondeterministic builtins: what settles the usual calls, those with one solution at most.
+# For some nondeterministic builtins: functions that decide the usual calls, with at most one solution.
 QUICK: dict[Nondet, Callable[..., bool | None]] = {}
 
 
@@ -76,9 +76,9 @@ def builtin_indicators() -> set[Indicator]:
 
 
 def det(name: str, arity: int) -> Callable[[_D], _D]:
-    """Declare a deterministic builtin: ``f(machine, *args) -> bool``; the arguments come not dereferenced.
+    """Declare a deterministic builtin: ``f(machine, *args) -> bool``; the arguments are not dereferenced.
 
-    False is failure; the solver undoes what the function bound before it failed.
+    False is failure; the solver undoes the function's bindings.
     """
 
     def register(function: _D) -> _D:
@@ -92,7 +92,7 @@ def nondet(name: str, arity: int) -> Callable[[_N], _N]:
     """Declare a nondeterministic builtin: a generator that yields once for each solution after unifying.
 
     The machine undoes the bindings before it resumes the generator, and closes it on a cut. Yielding True
-    says that this solution is the last, which spares a choice point.
+    marks the last solution, which saves a choice point.
     """
 
     def register(function: _N) -> _N:
@@ -103,9 +103,9 @@ def nondet(name: str, arity: int) -> Callable[[_N], _N]:
 
 
 def quick(nondeterministic: Nondet) -> Callable[[_Q], _Q]:
-    """Declare what is asked before a nondeterministic builtin, with the same arguments.
+    """Declare a function that is tried before a nondeterministic builtin, with the same arguments.
 
-    It returns True or False where that is all there is to it, and None where the builtin is to be asked.
+    It returns True or False if that is the whole answer, and None if the builtin must be called.
     """
 
     def register(function: _Q) -> _Q:
@@ -116,7 +116,7 @@ def quick(nondeterministic: Nondet) -> Callable[[_Q], _Q]:
 
 
 def control(name: str, arity: int) -> Callable[[_C], _C]:
-    """Declare a control construct: ``f(machine, args, continuation)`` returns the task to go on with."""
+    """Declare a control construct: ``f(machine, args, continuation)`` returns the next task."""
 
     def register(function: _C) -> _C:
         CONTROL_BUILTINS[name, arity] = function

@@ -21,9 +21,9 @@ _MOST_KEPT: Final = 200_000  # answers in the tables that a program keeps for la
 class Clause:
     """A clause ``head :- body``; a fact's body is ``true``.
 
-    `span` says where the clause was read and is None for one that was asserted; `names` maps the source's
-    names of variables to the variables of `head` and `body`; `origin` is the `ReadTerm` that it came from,
-    and `source` the name of the text.
+    `span` is the place where the clause was read, None for an asserted one; `names` maps the source's names
+    of variables to the variables of `head` and `body`; `origin` is its `ReadTerm`, and `source` the name of
+    the text.
     """
 
     __slots__ = ("body", "code", "erased", "head", "names", "origin", "predicate", "source", "span")
@@ -43,9 +43,9 @@ class Clause:
         self.names = names or {}
         self.source = source
         self.origin = origin
-        self.erased = 0  # the generation of its removal; 0 while it is there
-        self.code: Any = None  # what the solver made of the clause when it was first tried
-        self.predicate: Any = None  # the one that it belongs to
+        self.erased = 0  # the generation of its removal; 0 until then
+        self.code: Any = None  # the solver's code of the clause, made when it is first tried
+        self.predicate: Any = None  # its predicate
 
     @property
     def args(self) -> tuple[Term, ...]:
@@ -57,7 +57,7 @@ class Clause:
 
 
 def index_key(term: Term) -> Any:
-    """The key of a dereferenced term that is no variable: terms of unlike keys never unify."""
+    """Return the key of a dereferenced term that is not a variable: terms of different keys never unify."""
     kind = type(term)
     if kind is Struct:
         return term.name, len(term.args)  # type: ignore[union-attr]  # kind says so
@@ -69,8 +69,8 @@ def index_key(term: Term) -> Any:
 class Predicate:
     """The clauses of one name and arity.
 
-    A predicate holds either clauses or, after `Program.replace_facts`, rows of atomic arguments; rows turn
-    into clauses when something asks for clauses.
+    A predicate holds either clauses or, after `Program.replace_facts`, rows of atomic arguments; rows become
+    clauses on demand.
     """
 
     __slots__ = (
@@ -101,16 +101,16 @@ class Predicate:
         self.dynamic = False
         self.discontiguous = False
         self.multifile = False
-        self.defined = False  # known to the program: it has or had clauses, or was declared
-        self.tabled: Any = None  # what answers a call from a table; None for a predicate without one
+        self.defined = False  # defined in the program: it has or had clauses, or was declared
+        self.tabled: Any = None  # the function that answers a call from a table; None without a table
         self.clauses_entry: Any = None  # the function that runs the clauses of a tabled predicate
-        self.cold = 0  # how many calls the plain solver makes before they go through `entry`
-        self.entry: Any = None  # the function that compiled code calls it by
+        self.cold = 0  # the number of calls by the plain solver before they go through `entry`
+        self.entry: Any = None  # the function by which compiled code calls it
         self.stored: list[Clause] = []  # erased ones included
         self.rows: list[Row] | None = None  # the facts as rows while the predicate was filled in bulk
         self._row_index: dict[Any, list[Row]] | None = None
         self.buckets: dict[Any, list[Clause]] | None = None  # by key of the first argument, once asked for
-        self.others: list[Clause] = []  # those that match any key, and so are in every bucket
+        self.others: list[Clause] = []  # those that match any key, and are in every bucket
         self._dead = 0
         self.start = 0  # every clause before this place of `stored` is erased
         self.reset()
@@ -122,16 +122,16 @@ class Predicate:
         return len(self.stored) - self._dead if self.rows is None else len(self.rows)
 
     def reset(self) -> None:
-        """Forget the code that was made of the clauses."""
+        """Forget the code of the clauses."""
         self.entry = self.program.make_entry(self)
 
     def changed(self) -> None:
-        """Forget the code that was made of the clauses, and every answer that was found with them."""
+        """Forget the code of the clauses, and every answer that was found with them."""
         self.program.tables.clear()
         self.reset()
 
     def ask(self, clause: Clause) -> None:
-        """Take the clause of a query, which changes nothing for anybody else."""
+        """Take the clause of a query, which affects no other code."""
         clause.predicate = self
         self.stored = [clause]
         self.defined = True
@@ -147,25 +147,25 @@ class Predicate:
         return stored if not self._dead else [clause for clause in stored if not clause.erased]
 
     def stored_clauses(self) -> list[Clause]:
-        """The list of clauses itself, erased ones included, for an iteration that checks generations."""
+        """Return the stored list of clauses, erased ones included, for iterations that check generations."""
         if self.rows is not None:
             self.replace(self._row_clauses(self.rows))
         return self.stored
 
     def listed(self) -> list[Clause]:
-        """Return the clauses in order, and leave facts that were told as rows as they are."""
+        """Return the clauses in order, without converting rows to clauses for good."""
         return list(self.clauses) if self.rows is None else self._row_clauses(self.rows)
 
     def _row_clauses(self, rows: Iterable[Row]) -> list[Clause]:
         return [Clause(Struct(self.name, row) if row else Atom(self.name), TRUE) for row in rows]
 
     def index(self) -> None:
-        """Have the index that looking up clauses needs."""
+        """Make the index by which clauses are looked up."""
         if self.buckets is None and len(self.stored) > 1:
             self.make_buckets()
 
     def candidates(self, first: Term) -> list[Clause]:
-        """The clauses whose first argument may unify with a dereferenced term; erased ones included."""
+        """Return the clauses whose first argument may unify with a dereferenced term, with erased ones."""
         clauses = self.stored_clauses() if self.rows is not None else self.stored
         if len(clauses) < 2:
             return clauses
@@ -182,7 +182,7 @@ class Predicate:
         return index.get(first, self.others)
 
     def candidate_rows(self, first: Term) -> list[Row]:
-        """The rows whose first argument equals `first`, a dereferenced term, or all when it is a variable."""
+        """Return the rows whose first argument equals `first`, dereferenced; all if it is a variable."""
         rows = self.rows
         assert rows is not None
         if type(first) is Var or not self.arity:
@@ -212,7 +212,7 @@ class Predicate:
         self.buckets = None
 
     def append(self, clause: Clause) -> None:
-        """Add a clause behind the others."""
+        """Add a clause after the others."""
         clauses = self.stored_clauses()
         clause.predicate = self
         clauses.append(clause)
@@ -235,7 +235,7 @@ class Predicate:
         self.changed()
 
     def replace(self, clauses: list[Clause]) -> None:
-        """Take these clauses in place of whatever was there; iterations under way keep what they saw."""
+        """Replace all clauses by these; running iterations keep the old ones."""
         self.buckets = None
         self.rows = self._row_index = None
         self._dead = 0
@@ -247,7 +247,7 @@ class Predicate:
             clause.predicate = self
 
     def replace_rows(self, rows: list[Row]) -> None:
-        """Take these facts in place of whatever was there."""
+        """Replace all clauses by these facts."""
         self.rows = rows
         self._row_index = None
         self.stored = []
@@ -258,7 +258,7 @@ class Predicate:
         self.changed()
 
     def erase(self, clause: Clause) -> bool:
-        """Remove a clause; False when it was removed before."""
+        """Remove a clause; return False if it was removed before."""
         if clause.erased:
             return False
         self.program.generation += 1
@@ -277,7 +277,7 @@ class Predicate:
         return True
 
     def _unindex(self, clause: Clause) -> None:
-        """Take an erased clause out of its bucket by replacing the bucket, so old iterations keep theirs."""
+        """Remove an erased clause from its bucket by replacing the bucket, so old iterations keep theirs."""
         first = deref(clause.args[0])
         if type(first) is Var:
             self.buckets = None
@@ -317,10 +317,10 @@ class Tables:
     def __init__(self) -> None:
         self._tables: dict[Any, Any] = {}
         self._answers = 0
-        self.generation = 0  # how often they were dropped
+        self.generation = 0  # the number of times that they were dropped
 
     def get(self, key: Any) -> Any:
-        """The table of a call; None where there is none."""
+        """Return the table of a call; None if there is none."""
         return self._tables.get(key)
 
     def keep(self, tables: Mapping[Any, Any], generation: int) -> None:
@@ -347,26 +347,26 @@ class Program:
     __slots__ = ("generation", "link", "make_entry", "predicates", "tables")
 
     def __init__(self, link: Callable[[Any, str, int], None], make_entry: Callable[[Predicate], Any]) -> None:
-        self.make_entry = make_entry  # the function that compiled code calls a predicate by at first
-        self.link = link  # fills in the node of a goal that a clause of this program calls
+        self.make_entry = make_entry  # the function by which compiled code calls a predicate at first
+        self.link = link  # sets the target of a node in a clause of this program
         self.predicates: dict[Indicator, Predicate] = {}
         self.tables = Tables()
         self.generation = 1
 
     def get(self, name: str, arity: int) -> Predicate:
-        """The predicate of that name and arity, made when there was none; see `Predicate.defined`."""
+        """Return the predicate of that name and arity, created if necessary; see `Predicate.defined`."""
         predicate = self.predicates.get((name, arity))
         if predicate is None:
             predicate = self.predicates.setdefault((name, arity), Predicate(self, name, arity))
         return predicate
 
     def find(self, name: str, arity: int) -> Predicate | None:
-        """The predicate of that name and arity if the program defines it."""
+        """Return the predicate of that name and arity if the program defines it."""
         predicate = self.predicates.get((name, arity))
         return predicate if predicate is not None and predicate.defined else None
 
     def replace_facts(self, name: str, arity: int, rows: Iterable[Row]) -> None:
-        """Take these rows of atomic terms as the facts of a dynamic predicate, in place of what it had."""
+        """Replace the clauses of a predicate, which becomes dynamic, by these rows of atomic terms."""
         predicate = self.get(name, arity)
         predicate.dynamic = True
         predicate.replace_rows(list(rows))
@@ -381,7 +381,7 @@ class Program:
                 predicate.replace(left)
 
     def snapshot(self) -> dict[Indicator, tuple[Any, ...]]:
-        """What `restore` needs to bring back the program as it is now."""
+        """Return all that `restore` needs to restore the present program."""
         return {
             key: (
                 None if predicate.rows is not None else list(predicate.clauses),
@@ -396,7 +396,7 @@ class Program:
         }
 
     def restore(self, snapshot: dict[Indicator, tuple[Any, ...]]) -> None:
-        """Bring back the program as it was when the snapshot was taken."""
+        """Restore the program of a snapshot."""
         for key, predicate in self.predicates.items():
             clauses, rows, dynamic, discontiguous, multifile, defined, tabled = snapshot.get(
                 key, ([], None, False, False, False, False, None)

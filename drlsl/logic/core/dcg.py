@@ -11,7 +11,7 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
 
 def translate_rule(rule: Struct) -> Struct:
-    """The clause of ``Head --> Body``; `Head` may push a list back: ``Head, PushBack --> Body``."""
+    """Return the clause of ``Head --> Body``; `Head` may push a list back: ``Head, PushBack --> Body``."""
     head, body = deref(rule.args[0]), rule.args[1]
     before, after = Var("S0"), Var("S")
     if type(head) is Struct and head.name == "," and len(head.args) == 2:
@@ -25,7 +25,7 @@ def translate_rule(rule: Struct) -> Struct:
 
 
 def translate_body(body: Term, before: Term, after: Term) -> Term:
-    """The goal that a grammar body is, between two states of the list."""
+    """Return the goal of a grammar body, between two states of the list."""
     return run_deep(_translate(body, before, after))
 
 
@@ -79,7 +79,7 @@ def _nonterminal(head: Term, before: Term, after: Term) -> Term:
 
 
 def _terminals(terminals: Term, before: Term, after: Term) -> Term:
-    """``before`` is the list of terminals followed by ``after``."""
+    """Return the goal that ``before`` is the list of terminals followed by ``after``."""
     if type(terminals) is str:
         items: list[Term] = [ord(character) for character in terminals]
     else:

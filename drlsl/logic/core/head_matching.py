@@ -1,4 +1,4 @@
-"""How the plain solver builds the arguments of a call and unifies them with heads and facts."""
+"""Building the arguments of a call, and unifying them with heads and facts, for the plain solver."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 
 def arguments(parts: tuple[Any, ...], frame: list[Any]) -> list[Any]:
-    """The arguments of a goal, dereferenced."""
+    """Return the arguments of a goal, dereferenced."""
     args = []
     for part in parts:
         kind = type(part)

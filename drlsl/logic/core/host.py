@@ -1,4 +1,4 @@
-"""What the machine, the loader and proofs ask of the engine that they work for."""
+"""The engine's interface for the machine, the loader and proofs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from drlsl.logic.terms import Operators, Term
 
 
 class Resolver(Protocol):
-    """Finds what goals stand for in one program."""
+    """Finds the targets of goals in one program."""
 
     program: Program
 
@@ -21,11 +21,11 @@ class Resolver(Protocol):
         """Return the kind of node and the target of a goal."""
 
     def link(self, node: Node, name: str, arity: int) -> None:
-        """Have a node call what its name and arity stand for."""
+        """Set the target of a node by its name and arity."""
 
 
 class Host(Protocol):
-    """An engine, as those see it who run its program."""
+    """An engine, for the code that runs its program."""
 
     program: Program
     flags: Flags
@@ -37,10 +37,10 @@ class Host(Protocol):
 
     @property
     def linker(self) -> Resolver:
-        """What finds the targets of goals."""
+        """The resolver of the targets of goals."""
 
     def undefined(self, machine: Any, predicate: Predicate, args: Sequence[Term], continuation: Any) -> Any:
-        """Return the task that a call of an unknown predicate comes to."""
+        """Return the task for a call of an unknown predicate."""
 
     def run_directive(
         self,

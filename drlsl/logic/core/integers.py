@@ -1,7 +1,7 @@
-"""What operations on large integers cost.
+"""The cost of operations on large integers.
 
 Python's operations on integers cannot be interrupted, and some take time that grows with the square of the
-size; so the time is estimated before, and the meter of the query asked for it.
+size; so the time is estimated before, and reported to the meter of the query.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from drlsl.logic.errors import resource_error
 from drlsl.logic.limits import Meter
 from drlsl.logic.terms import MOST_BITS, product_seconds
 
-# What no operation on fewer bits is worth an estimate.
+# Operations on fewer bits need no estimate.
 SMALL_BITS: Final = 1 << 14
 
 # Seconds that CPython 3.11 takes on a slow machine: for the quotient or common divisor of two integers of
@@ -22,7 +22,7 @@ _POWER_STEP: Final = 2e-12
 
 
 def check_product(left: int, right: int, meter: Meter) -> None:
-    """Make sure that a product may be computed.
+    """Check that a product may be computed.
 
     Raises:
         ResourceError: It has too many bits.
@@ -36,7 +36,7 @@ def check_product(left: int, right: int, meter: Meter) -> None:
 
 
 def check_division(left: int, right: int, meter: Meter) -> None:
-    """Make sure that a division, or the search for a common divisor, is over in time.
+    """Check that a division, or the search for a common divisor, ends in time.
 
     Raises:
         LimitExceeded: It takes too long.
@@ -47,7 +47,7 @@ def check_division(left: int, right: int, meter: Meter) -> None:
 
 
 def check_power(bits: int, meter: Meter) -> None:
-    """Make sure that a power of so many bits may be computed.
+    """Check that a power of that many bits may be computed.
 
     Raises:
         ResourceError: It has too many bits.
@@ -60,7 +60,7 @@ def check_power(bits: int, meter: Meter) -> None:
 
 
 def check_modular_power(exponent: int, modulus: int, meter: Meter) -> None:
-    """Make sure that a power in modular arithmetic is over in time.
+    """Check that a power in modular arithmetic ends in time.
 
     Raises:
         LimitExceeded: It takes too long.

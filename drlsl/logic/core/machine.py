@@ -56,21 +56,21 @@ if TYPE_CHECKING:
 Task: TypeAlias = tuple[Any, ...]
 Choice: TypeAlias = tuple[Any, ...]
 
-# What an error counts as, since the calls before it do not count.
+# The inferences that an error counts as, since the calls before it do not count.
 _STEPS_OF_ERROR: Final = 200
 # How many tasks the trampoline runs at most before it counts them; in a search for another one they are
 # fewer, since such are short, and what is left of a turn is never counted.
 _MOST_BOUNCES: Final = 251
 _BOUNCES_INSIDE: Final = 8
 _COMPACT_TRAIL: Final = 250
-# So much of a goal is copied for its error: more than messages show.
+# The size of a goal's copy for its error: more than messages show.
 _GOAL_CELLS: Final = 2_000
 
 
 class Machine:
-    """One search: its trail, its choice points and what it may use.
+    """A search: its trail, its choice points and its limits.
 
-    A search for another one, such as that of a cleanup goal, shares the `meter` of that.
+    A search on behalf of another one, such as that of a cleanup goal, shares its `meter`.
     """
 
     __slots__ = (
@@ -128,13 +128,13 @@ class Machine:
 
     @property
     def state(self) -> dict[str, Any]:
-        """What the builtins of the engine keep between queries."""
+        """The state of the engine's builtins between queries."""
         return self.engine.state
 
     # ------------------------------------------------------------------ what builtins ask
 
     def unify(self, left: Term, right: Term) -> bool:
-        """Make two terms equal, remembering each binding on the trail; True when that is possible."""
+        """Make two terms equal, recording each binding on the trail; return True if that is possible."""
         return unify(left, right, self.trail)
 
     def trail_call(self, undo_call: Callable[[], None]) -> None:
@@ -142,7 +142,7 @@ class Machine:
         self.trail.append(UndoCall(undo_call))
 
     def undefined(self, predicate: Predicate, args: Sequence[Term], continuation: Task) -> Task:
-        """What a call of an unknown predicate comes to."""
+        """Return the task for a call of an unknown predicate."""
         task: Task = self.engine.undefined(self, predicate, args, continuation)
         return task
 
@@ -152,7 +152,7 @@ class Machine:
         """Run a task until it finds a solution (True) or has none left (False).
 
         Raises:
-            PrologError: An error that no catch/3 took, with its `goal` and `clause`.
+            PrologError: An error that no catch/3 caught, with its `goal` and `clause`.
             LimitExceeded: The query went beyond its limits.
         """
         while True:
@@ -177,22 +177,22 @@ class Machine:
                 raise LimitExceeded(resource_error("memory").term) from None
 
     def retry(self) -> bool:
-        """Look for another solution after `solve` found one."""
+        """Search another solution after `solve` found one."""
         return self.solve(FAIL)
 
     def keep(self, trail: list[Any]) -> None:
-        """Leave the bindings of the solution to the trail of another search, and no choice points."""
+        """Move the bindings of the solution to the trail of another search, and drop the choice points."""
         cut(self, 0)
         trail.extend(self.trail[1:])
         del self.trail[1:]
 
     def close(self) -> None:
-        """Give up the search, run the cleanup goals that are waiting, and undo every binding it made.
+        """End the search, run the waiting cleanup goals, and undo every binding.
 
-        Those for which the limits leave nothing are not begun.
+        Cleanup goals for which the limits leave nothing are not started.
 
         Raises:
-            PrologError: What the first cleanup goal that raised did; the others were run nevertheless.
+            PrologError: The first error of a cleanup goal; the others were run nevertheless.
         """
         first: PrologError | None = None
         try:
@@ -215,11 +215,11 @@ class Machine:
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()
 
     def _handle(self, error: PrologError) -> Task:
-        """The task of the innermost catch/3 that takes an error; raises it again when there is none."""
+        """Return the task of the innermost catch/3 that catches an error; raise it again if there is none."""
         ball = error.term
         if error.catchable:
             try:
-                # The calls before an error are not counted: a loop of errors alone would never be.
+                # The calls before an error are not counted: a loop of only errors would never be.
                 self.meter.spend(_STEPS_OF_ERROR)
                 ball = copy_term(ball, meter=self.meter)
             except LimitExceeded as exceeded:
@@ -250,16 +250,16 @@ class Machine:
                 try:
                     clean_up(self, choice[2])
                 except PrologError as another:
-                    # The error under way is the one to report.
+                    # The present error is the one to report.
                     if not another.catchable:
                         raise
         error.term = ball
         raise error
 
     def reenter(self, point: CatchPoint) -> None:
-        """Backtracking goes back into the goal of a catch/3, which catches again from here on.
+        """Activate a catch/3 again, because backtracking returns to its goal.
 
-        An error on its way out undoes the exit too, but goes back into nothing.
+        An error being raised undoes the exit, too, but does not re-enter anything.
         """
         if not self._unwinding:
             point.active = True
@@ -267,7 +267,7 @@ class Machine:
     # ------------------------------------------------------------------ limits
 
     def tick(self, task: Task | None) -> None:
-        """Account for a slice of inferences and check the limits; `task` is what comes next.
+        """Account for a slice of inferences and check the limits; `task` is the next one.
 
         Raises:
             LimitExceeded: A limit is exceeded.
@@ -282,7 +282,7 @@ class Machine:
             depth = _depth(task)
             if depth > limits.depth:
                 raise exceeded("depth", f"{limits.depth} nested calls")
-            # A call deepens the search by one at most, so nothing can go wrong before this.
+            # A call deepens the search by at most one, so no limit can be exceeded before this.
             self._depth_at = max(limits.depth - depth, limits.depth // 8)
         self._next_slice()
 
@@ -315,7 +315,7 @@ class Machine:
             start = self.choices[-1][1] if self.choices else 0
             compact(self.trail, start, ())
             size = len(self.trail)
-            # What lies before the newest choice point was not looked at, and soon may be.
+            # Entries before the newest choice point were not checked, and soon may be.
             self._trail_at = size + max(_COMPACT_TRAIL, size - start)
         most = self.limits.trail
         if most is not None and size + len(self.choices) > most:
@@ -334,14 +334,14 @@ def _depth(task: Task | None) -> int:
 
 
 class Stop(BaseException):
-    """The search has come to a solution or to its end."""
+    """The search has reached a solution or its end."""
 
 
 _STOP: Final = Stop()
 
 
 def fail(machine: Machine, _task: Task | None = None) -> Task:
-    """Go back to the newest choice point, which is a task in its turn."""
+    """Backtrack to the newest choice point, which becomes the task."""
     choice = machine.choices.pop()
     trail = machine.trail
     mark = choice[1]
@@ -357,14 +357,14 @@ FAIL: Final[Task] = (fail,)
 
 
 def exhausted(machine: Machine, _choice: Choice) -> Task:
-    """The oldest choice point: there are no more solutions."""
+    """Stop at the oldest choice point: there are no more solutions."""
     machine.found = False
     machine.choices.append((exhausted, 1))
     raise _STOP.with_traceback(None)
 
 
 def found(machine: Machine, _task: Task) -> Task:
-    """The last continuation: a solution."""
+    """Stop at the last continuation: a solution."""
     machine.found = True
     raise _STOP.with_traceback(None)
 
@@ -373,7 +373,7 @@ FOUND: Final[Task] = (found, None)
 
 
 class CatchPoint:
-    """A catch/3 under way; not `active` once its goal has been left."""
+    """A running catch/3; not `active` after its goal was left."""
 
     __slots__ = ("active", "catcher", "continuation", "recovery")
 
@@ -385,12 +385,12 @@ class CatchPoint:
 
 
 def leave_catch(_machine: Machine, _choice: Choice) -> Task:
-    """The choice point of a catch/3 whose goal has failed."""
+    """Fail at the choice point of a catch/3, whose goal has failed."""
     return FAIL
 
 
 def exit_catch(machine: Machine, task: Task) -> Task:
-    """The goal of a catch/3 has succeeded."""
+    """Leave a catch/3 whose goal has succeeded."""
     point: CatchPoint = task[1]
     top = machine.choices[-1]
     if top[0] is leave_catch and top[2] is point:
@@ -403,13 +403,13 @@ def exit_catch(machine: Machine, task: Task) -> Task:
 
 
 def collect(machine: Machine, task: Task) -> Task:
-    """Keep a copy of a findall/3's template, and look for the next solution."""
+    """Keep a copy of a findall/3's template, and search the next solution."""
     task[2].append(copy_term(task[1], None, machine.meter))
     return FAIL
 
 
 def retry_generator(machine: Machine, choice: Choice) -> Task:
-    """The choice point of a nondeterministic builtin: ask for its next solution."""
+    """Resume the choice point of a nondeterministic builtin: get its next solution."""
     machine.left -= 1
     if machine.left < 0:
         machine.tick(choice[3])
@@ -417,13 +417,13 @@ def retry_generator(machine: Machine, choice: Choice) -> Task:
 
 
 def leave_cleanup(machine: Machine, choice: Choice) -> Task:
-    """The choice point of a setup_call_cleanup/3 whose goal has failed."""
+    """Clean up at the choice point of a setup_call_cleanup/3, whose goal has failed."""
     clean_up(machine, choice[2])
     return FAIL
 
 
 def exit_cleanup(machine: Machine, task: Task) -> Task:
-    """The goal of a setup_call_cleanup/3 has succeeded; it is over if it left no choice points."""
+    """Leave a setup_call_cleanup/3 whose goal has succeeded; clean up if it left no choice points."""
     top = machine.choices[-1]
     if top[0] is leave_cleanup and top[2] is task[1]:
         machine.choices.pop()
@@ -435,8 +435,8 @@ def exit_cleanup(machine: Machine, task: Task) -> Task:
 def clean_up(machine: Machine, goal: Sequence[Term]) -> None:
     """Run the cleanup goal of a setup_call_cleanup/3 once, as a search of its own whose bindings are kept.
 
-    It is bound by the limits of the query. After one was exceeded, all cleanup goals together may use a tenth
-    of the limits more.
+    It is subject to the limits of the query. After one was exceeded, all cleanup goals together may use
+    another tenth of the limits.
     """
     machine.engine.run_directive(goal[0], machine.output, machine.trail, machine.meter)
 
@@ -445,7 +445,7 @@ _OVER: Final = object()
 
 
 def start_generator(machine: Machine, solutions: Iterator[bool | None], continuation: Task) -> Task:
-    """The next solution of a nondeterministic builtin; one that yields True says that it was the last."""
+    """Return the task of a nondeterministic builtin's next solution; one that yields True is the last."""
     mark = len(machine.trail)
     last = next(solutions, _OVER)
     if last is _OVER:
@@ -456,22 +456,22 @@ def start_generator(machine: Machine, solutions: Iterator[bool | None], continua
 
 
 def other_branch(_machine: Machine, choice: Choice) -> Task:
-    """The choice point of a disjunction or an if-then-else: its second branch."""
+    """Continue at the choice point of a disjunction or an if-then-else: with its second branch."""
     return run, choice[2], choice[3]
 
 
 def dead(_machine: Machine, _choice: Choice) -> Task:
-    """What a soft cut leaves of a choice point."""
+    """Fail at a choice point that a soft cut removed."""
     return FAIL
 
 
 def other_clauses(machine: Machine, choice: Choice) -> Task:
-    """The choice point of a call with clauses left to try."""
+    """Try the remaining clauses at the choice point of a call."""
     return try_clauses(machine, *choice[2:])
 
 
 def other_rows(machine: Machine, choice: Choice) -> Task:
-    """The choice point of a call with rows left to try."""
+    """Try the remaining rows at the choice point of a call."""
     return try_rows(machine, *choice[2:])
 
 
@@ -488,7 +488,7 @@ def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuat
 
 
 def interpret(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
-    """Call a predicate with dereferenced arguments, clause by clause as it stands in the program."""
+    """Call a predicate with dereferenced arguments, clause by clause, without compiled code."""
     task: Task = (predicate.tabled or try_all)(machine, predicate, args, continuation)
     return task
 
@@ -508,7 +508,7 @@ def try_all(machine: Machine, predicate: Predicate, args: Sequence[Any], continu
     candidates = predicate.stored
     start = 0
     if len(candidates) > 1:
-        # What `Predicate.candidates` does, without the call.
+        # `Predicate.candidates`, inlined.
         first = args[0] if args else NIL
         kind = type(first)
         if kind is Var:
@@ -532,7 +532,7 @@ def try_all(machine: Machine, predicate: Predicate, args: Sequence[Any], continu
 def try_rows(
     machine: Machine, rows: list[tuple[Any, ...]], index: int, args: Sequence[Any], continuation: Task
 ) -> Task:
-    """Go on with the first row from `index` on that matches, leaving a choice point if others follow."""
+    """Continue with the first matching row from `index` on, leaving a choice point if others follow."""
     trail = machine.trail
     mark = len(trail)
     end = len(rows)
@@ -557,7 +557,7 @@ def try_clauses(
     args: Sequence[Any],
     continuation: Task,
 ) -> Task:
-    """Go on with the first clause from `index` on that matches, leaving a choice point if others follow."""
+    """Continue with the first matching clause from `index` on, leaving a choice point if others follow."""
     trail = machine.trail
     choices = machine.choices
     mark = len(trail)
@@ -598,7 +598,7 @@ def try_clauses(
                     choices.append(
                         (other_clauses, mark, candidates, index, end, generation, args, continuation)
                     )
-                # After a fact there is nothing of its own to run.
+                # A fact has no body to run.
                 return continuation if code.body is PROCEED_NODE else (run, code.body, frame)
         if len(trail) > mark:
             undo(trail, mark)
@@ -606,7 +606,7 @@ def try_clauses(
 
 
 def passes(machine: Machine, guard: Sequence[Node], frame: list[Any]) -> bool:
-    """Whether the goals that a clause begins with hold, all of them deterministic builtins."""
+    """Return whether the goals at the beginning of a clause hold, all of them deterministic builtins."""
     for node in guard:
         try:
             if node.op == IN_PLACE:
@@ -624,11 +624,11 @@ def passes(machine: Machine, guard: Sequence[Node], frame: list[Any]) -> bool:
 
 
 def run(machine: Machine, task: Task) -> Task:
-    """Run nodes until something that is not the plain solver's own comes next."""
+    """Run nodes until a task comes that is not the plain solver's."""
     node: Node = task[1]
     frame: list[Any] = task[2]
     if node.clause is not None and node.clause.predicate.cold:
-        # A clause that compiled code comes back to so often is worth code of its own.
+        # A clause that compiled code returns to this often is worth compiling.
         node.clause.predicate.cold -= 1
     choices = machine.choices
     following: Task
@@ -693,7 +693,7 @@ def run(machine: Machine, task: Task) -> Task:
 
 
 def _add_goal(error: PrologError, node: Node, frame: list[Any]) -> None:
-    """Say which goal an error arose in, and in which clause, unless that is known already."""
+    """Record the goal in which an error arose, and its clause, unless they are known already."""
     if error.goal is None and node.name:
         args = arguments(node.args, frame)
         error.goal = told(node.name, args)
@@ -701,7 +701,7 @@ def _add_goal(error: PrologError, node: Node, frame: list[Any]) -> None:
 
 
 def told(name: str, args: Sequence[Term]) -> Term:
-    """A goal for its error, as it is before backtracking undoes what its variables are bound to."""
+    """Return a copy of a goal for its error, before backtracking undoes its bindings."""
     return excerpt(Struct(name, tuple(args)), _GOAL_CELLS) if args else Atom(name)
 
 
@@ -731,7 +731,7 @@ def cut(machine: Machine, height: int) -> None:
     """Remove every choice point from `height` on.
 
     Raises:
-        PrologError: What a cleanup goal raised; the older choice points are still there.
+        PrologError: A cleanup goal raised an error; the older choice points still exist.
     """
     choices = machine.choices
     while len(choices) > height:
@@ -744,14 +744,14 @@ def cut(machine: Machine, height: int) -> None:
 
 
 _BRANCHING: Final = frozenset({BRANCH, EITHER})
-# What the loop calls by itself, since it comes back to the loop more often than not.
+# Functions that the loop calls itself, since they mostly return to the loop.
 _LOCAL: Final = frozenset(
     {fail, other_branch, other_clauses, other_rows, retry_generator, leave_catch, exit_catch, dead}
 )
 
 
 def add_context(error: PrologError) -> None:
-    """Find the goal and the clause that an error of compiled code arose in, by the line of code."""
+    """Find the goal and the clause of an error in compiled code, by its line."""
     traceback = error.__traceback__
     while traceback is not None and error.goal is None:
         lines = traceback.tb_frame.f_globals.get("LINES")
@@ -760,14 +760,14 @@ def add_context(error: PrologError) -> None:
             goal, clause, names = about
             known = traceback.tb_frame.f_locals
             renaming = {variable: known[name] for variable, name in names.items() if name in known}
-            # Twice, since backtracking will undo what its variables are bound to.
+            # Twice, since backtracking will undo its bindings.
             error.goal = excerpt(excerpt(goal, _GOAL_CELLS, renaming), _GOAL_CELLS)
             error.clause = _place(clause)
         traceback = traceback.tb_next
 
 
 def soft_cut(choices: list[Choice], height: int) -> None:
-    """Remove the choice point at `height` alone."""
+    """Remove only the choice point at `height`."""
     if height == len(choices) - 1:
         choices.pop()
     else:

@@ -1,4 +1,4 @@
-"""Recursion without Python's stack, for terms that nest deeper than that is high."""
+"""Recursion without Python's stack, for terms that nest deeper than it allows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Deep: TypeAlias = Generator[Any, Any, T]
 
 
 def run_deep(work: Deep[T]) -> T:
-    """The result of a recursive function that is written as a generator."""
+    """Return the result of a recursive function that is written as a generator."""
     stack: list[Deep[Any]] = [work]
     value: Any = None
     while True:

@@ -1,10 +1,10 @@
 """Tabled predicates: a call is answered from a table that holds all its answers, each once.
 
-The clauses of a tabled predicate are run to their last answer before the caller goes on with the first. A
-call that is a variant of one under way takes the answers that are there by then, and those that come while it
-is at it; clauses are run again until every such call has seen every answer. So left recursion ends whenever
-the answers do. What a table does not know yet cannot be denied: a negation, a condition, a findall/3 or a cut
-over such a call is refused.
+The clauses of a tabled predicate are run to their last answer before the caller continues with the first. A
+variant of a running call takes the present answers, and those that are added meanwhile; clauses are run again
+until every such call has seen every answer. So left recursion ends if the number of answers is finite. An
+answer missing in an incomplete table may still come: a negation, a condition, a findall/3 or a cut over such
+a call is refused.
 
 Source: Zhou, Shen, Yuan, You: Implementation of a linear tabling mechanism, 2001 (iteration of leaders).
 """
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from drlsl.logic.core.clauses import Predicate
 
 _MOST_ANSWERS: Final = 1_000_000  # of one table
-_PARTS_OF_AN_INFERENCE: Final = 10  # of an answer: so many cost as much as a call
+_PARTS_OF_AN_INFERENCE: Final = 10  # of an answer: this many take the time of a call
 
 
 class _Incomplete(PrologPermissionError):
-    """A call whose answers must all be known, and are not."""
+    """A call whose answers must all be known, but are not."""
 
     def __init__(self, predicate: Predicate) -> None:
         indicator = Struct("/", (Atom(predicate.name), predicate.arity))
@@ -42,7 +42,7 @@ class _Incomplete(PrologPermissionError):
 
 
 class Table:
-    """The answers to one call: what its variables are bound to in each, and whether that is ground."""
+    """The answers to one call: the bindings of its variables in each, and whether they are ground."""
 
     __slots__ = ("answers", "complete", "done", "exhausted", "known", "lowest", "missed", "readers")
 
@@ -55,9 +55,9 @@ class Table:
         self.done = False  # whether its clauses were run in this round
 
     def begin_round(self) -> None:
-        """Forget what was read in the round before."""
+        """Forget which calls read the table in the previous round."""
         self.done = False
-        self.readers = 0  # calls that have not taken every answer yet
+        self.readers = 0  # calls that have not read every answer yet
         self.exhausted = False  # whether one has
         self.missed = False  # whether an answer came after that
 
@@ -138,7 +138,7 @@ def _run_clauses(
     variables: list[Var],
     continuation: Task,
 ) -> Task:
-    """Look for every answer of the clauses, then go on at `_end_round`."""
+    """Search every answer of the clauses, then continue at `_end_round`."""
     choice = (_end_round, len(machine.trail), predicate, args, evaluation, variables, continuation)
     evaluation.choice = choice
     evaluation.height = len(machine.choices)
@@ -147,7 +147,7 @@ def _run_clauses(
 
 
 def _add_answer(machine: Machine, task: Task) -> Task:
-    """The clauses have an answer: keep it if it is new, and look for the next."""
+    """Keep an answer of the clauses if it is new, and search the next."""
     evaluation, variables = task[1], task[2]
     table: Table = evaluation.table
     answer = copy_term(Struct("v", tuple(variables)), None, machine.meter).args if variables else ()  # type: ignore[union-attr]
@@ -160,7 +160,7 @@ def _add_answer(machine: Machine, task: Task) -> Task:
     table.answers.append((answer, not any(type(part) is tuple and part[0] is Var for part in key)))
     table.missed = table.missed or table.exhausted
     evaluation.grown = True
-    # An answer takes time and memory by its size, and counts so.
+    # An answer takes time and memory by its size, and counts accordingly.
     machine.left -= 1 + len(key) // _PARTS_OF_AN_INFERENCE
     if machine.left < 0:
         machine.tick(task)
@@ -168,7 +168,7 @@ def _add_answer(machine: Machine, task: Task) -> Task:
 
 
 def _end_round(machine: Machine, choice: Choice) -> Task:
-    """The clauses have no more answers: run them again, leave that to the evaluation that matters, or end."""
+    """Run clauses without more answers again, or leave that to an outer evaluation, or end."""
     _, _, predicate, args, evaluation, variables, continuation = choice
     open_: Evaluations = machine.evaluations
     while open_.stack[-1] is not evaluation:
@@ -200,7 +200,7 @@ def _end_round(machine: Machine, choice: Choice) -> Task:
 
 
 def _read(machine: Machine, table: Table, index: int, variables: list[Var], continuation: Task) -> Task:
-    """Go on with the answer at a place of a table, leaving a choice point for those behind it."""
+    """Continue with the answer at a place of a table, leaving a choice point for the later ones."""
     answers = table.answers
     if index >= len(answers):
         table.readers -= 1
@@ -229,10 +229,10 @@ def _next_answer(machine: Machine, choice: Choice) -> Task:
 
 
 def _depend(open_: Evaluations, lowest: int, predicate: Predicate, continuation: Task) -> None:
-    """Note that the innermost evaluation reads a table that the one at `lowest` will complete.
+    """Record that the innermost evaluation reads a table that the one at `lowest` will complete.
 
     Raises:
-        PrologPermissionError: Something in between must know all its answers.
+        PrologPermissionError: A construct in between must know all its answers.
     """
     innermost = open_.stack[-1]
     innermost.lowest = min(innermost.lowest, lowest)
@@ -250,12 +250,12 @@ def _depend(open_: Evaluations, lowest: int, predicate: Predicate, continuation:
 
 
 def _code_commits(function: Any) -> bool:
-    """The same of compiled code that goes on behind a goal."""
+    """Return whether the compiled code after a goal removes choice points made before it."""
     return getattr(function, "__name__", "") in getattr(function, "__globals__", {}).get("COMMITS", ())
 
 
 def _node_commits(start: Node) -> bool:
-    """Whether what follows in a body removes choice points that were made before it."""
+    """Return whether the rest of a body removes choice points made before it."""
     todo: list[tuple[Node, frozenset[int]]] = [(start, frozenset())]
     seen: set[tuple[int, frozenset[int]]] = set()
     while todo:
@@ -275,7 +275,7 @@ def _node_commits(start: Node) -> bool:
 
 
 def variant_key(terms: Sequence[Term]) -> tuple[Any, ...]:
-    """What two sequences of terms share exactly if they are equal up to a renaming of variables."""
+    """Return a key that sequences of terms share exactly if they are equal up to renaming variables."""
     key: list[Any] = []
     numbers: dict[Var, tuple[type, int]] = {}
     todo = list(reversed(terms))
@@ -288,7 +288,7 @@ def variant_key(terms: Sequence[Term]) -> tuple[Any, ...]:
         elif kind is Var:
             key.append(numbers.setdefault(term, (Var, len(numbers))))  # type: ignore[arg-type]  # kind says so
         elif kind is float:
-            key.append((float, repr(term) if term != term else term))  # a NaN is itself here
+            key.append((float, repr(term) if term != term else term))  # here a NaN equals itself
         elif kind is str:
             key.append((str, term))
         else:

@@ -1,9 +1,9 @@
-"""Unification, the trail, and what compares, copies or walks terms.
+"""Unification, the trail, and the functions that compare, copy or walk terms.
 
-Every function here is iterative, so a term's depth is bounded by memory and never by Python's stack. A walk
-that becomes long remembers where it was: parts that a term shares are then walked once, so that a term of 30
-cells which would be 2**30 as a tree is no trouble, and a cyclic term, which unification without the occurs
-check may make, comes to an end. It also reports its steps to the meter of the query, if it is given one.
+Every function here is iterative, so a term's depth is bounded by memory and never by Python's stack. A long
+walk remembers where it was: shared parts are then walked only once, so that a term of 30 cells which would be
+2**30 as a tree is no problem, and a cyclic term, which unification without the occurs check may create, comes
+to an end. It also reports its steps to the meter of the query, if it is given one.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from typing import Any, Final, Protocol
 from drlsl.logic.limits import Meter
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
-# From so many steps on, a walk is long. It then remembers every eighth place, which bounds what is walked
-# twice as well as all of them would, for an eighth of the memory.
+# From this many steps on, a walk is long. It then remembers every eighth place, which bounds repeated steps
+# as well as all places would, for an eighth of the memory.
 _SHORT: Final = 500
 _EIGHTH: Final = 8
 _REPORT: Final = 1024
-# What can be compared in the time of a step: an integer of so many bits, a text of so many characters.
+# Bits of an integer, and characters of a text, that are compared in the time of a step.
 _LARGE_BITS: Final = 1 << 14
 _LARGE_TEXT: Final = 1 << 11
 _WEIGHED: Final = frozenset({int, str})
 
 
 class Undoable(Protocol):
-    """A trail entry: setting `ref` to None undoes what was done."""
+    """A trail entry: setting `ref` to None undoes the change."""
 
     ref: Any
 
@@ -55,7 +55,7 @@ class UndoCall:
 
 
 def undo(trail: Trail, mark: int) -> None:
-    """Take back every binding made since the trail was `mark` entries long, the latest first."""
+    """Undo every binding made since the trail was `mark` entries long, the latest first."""
     if len(trail) > mark:
         for entry in reversed(trail[mark:]):
             entry.ref = None
@@ -63,10 +63,10 @@ def undo(trail: Trail, mark: int) -> None:
 
 
 def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
-    """Drop the entries from `start` on whose variable nobody else can reach; undoing those would be unseen.
+    """Drop the entries from `start` on whose variable is unreachable elsewhere, so undoing is invisible.
 
-    `marks` are positions not before `start` that must survive as positions, ascending. Only the entries
-    behind the last of them are dropped, since the others' places are taken. Returns how many entries went.
+    `marks` are positions not before `start` that must stay valid, ascending. Only the entries after the last
+    of them are dropped. Returns the number of dropped entries.
     """
     keep_from = start
     for mark in marks:
@@ -77,14 +77,14 @@ def compact(trail: Trail, start: int, marks: Iterable[int]) -> int:
     tail.reverse()
     while tail:
         entry = tail.pop()
-        # Referred to by `entry` and by the call's own argument: nobody else holds the variable.
+        # References by `entry` and by the call's own argument: the variable has no other.
         if type(entry) is not Var or getrefcount(entry) > 2:
             trail.append(entry)
     return before - len(trail)
 
 
 def unify(left: Term, right: Term, trail: Trail) -> bool:
-    """Make two terms equal by binding variables; on failure the caller undoes what was bound."""
+    """Make two terms equal by binding variables; on failure the caller undoes the bindings."""
     while type(left) is Var:
         ref = left.ref
         if ref is None:
@@ -115,7 +115,7 @@ def unify(left: Term, right: Term, trail: Trail) -> bool:
 
 
 def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
-    """Unify compound terms: what can be settled at once is, only pairs of compound terms wait."""
+    """Unify compound terms: only pairs of compound terms wait, all others are unified at once."""
     todo: list[Struct] = []
     steps = _SHORT
     while True:
@@ -164,7 +164,7 @@ def _unify_compounds(left: Struct, right: Struct, trail: Trail) -> bool:
 
 
 def _unify_long(todo: list[Term], trail: Trail) -> bool:
-    """Go on with a unification that takes long: a pair of terms that was met before is taken as equal."""
+    """Continue a unification that takes long: a repeated pair of terms is taken as equal."""
     met = _Pairs(_meter_of(trail))
     while todo:
         right = deref(todo.pop())
@@ -192,7 +192,7 @@ def _unify_long(todo: list[Term], trail: Trail) -> bool:
 
 
 def is_large(value: Term) -> bool:
-    """Whether a number or a text is so large that comparing it with its like takes long."""
+    """Return whether a number or a text is so large that comparisons take long."""
     kind = type(value)
     if kind is int:
         return value.bit_length() > _LARGE_BITS  # type: ignore[union-attr]  # kind says so
@@ -200,27 +200,27 @@ def is_large(value: Term) -> bool:
 
 
 def weight(value: Term) -> int:
-    """The steps that comparing a number or a text with its like takes at most."""
+    """Return the largest number of steps for comparing a number or a text."""
     if type(value) is int:
         return value.bit_length() // _LARGE_BITS
     return len(value) // _LARGE_TEXT if type(value) is str else 0
 
 
 def _meter_of(trail: Trail) -> Meter | None:
-    """The meter of the search that a trail belongs to."""
+    """Return the meter of the search that a trail belongs to."""
     first = trail[0] if trail else None
     return first if type(first) is Meter else None
 
 
 def push_pairs(todo: list[Term], left: Struct, right: Struct) -> None:
-    """Have the arguments of two terms looked at next, from left to right."""
+    """Push the arguments of two terms as the next pairs, from left to right."""
     for index in range(len(left.args) - 1, -1, -1):
         todo.append(left.args[index])
         todo.append(right.args[index])
 
 
 class _Places:
-    """The compound terms that a long walk was at."""
+    """The compound terms that a long walk has visited."""
 
     __slots__ = ("_at", "_met", "_meter")
 
@@ -230,7 +230,7 @@ class _Places:
         self._at = 0
 
     def before(self, term: Struct) -> bool:
-        """Whether the walk was at a term before; it is now.
+        """Return whether the walk has visited a term before, and record the visit.
 
         Raises:
             LimitExceeded: The query went beyond its limits.
@@ -256,7 +256,7 @@ class _Places:
 
 
 class _Pairs(_Places):
-    """The pairs of compound terms that a long walk was at."""
+    """The pairs of compound terms that a long walk has visited."""
 
     __slots__ = ()
 
@@ -265,12 +265,12 @@ class _Pairs(_Places):
 
 
 def occurs(variable: Var, term: Term, meter: Meter | None = None) -> bool:
-    """Whether an unbound variable occurs in a term."""
+    """Return whether an unbound variable occurs in a term."""
     return any(found is variable for found in _variables(term, meter))
 
 
 def _variables(term: Term, meter: Meter | None) -> Iterator[Var]:
-    """The unbound variables of a term from left to right, some more than once."""
+    """Yield the unbound variables of a term from left to right, some more than once."""
     todo = [term]
     steps = _SHORT
     met: _Places | None = None
@@ -288,7 +288,7 @@ def _variables(term: Term, meter: Meter | None) -> Iterator[Var]:
 
 
 def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
-    """Unify with the occurs check, so that no cyclic term arises. Source: ISO 13211-1, 8.2.2."""
+    """Unify with the occurs check, so that no cyclic term is created. Source: ISO 13211-1, 8.2.2."""
     meter = _meter_of(trail)
     met: _Pairs | None = None
     steps = _SHORT
@@ -323,7 +323,7 @@ def is_ground(term: Term, meter: Meter | None = None) -> bool:
 
 
 def copy_term(term: Term, renaming: dict[Var, Term] | None = None, meter: Meter | None = None) -> Term:
-    """A copy with fresh variables and no bound ones; `renaming` holds, and receives, old variable -> new.
+    """Return a copy with fresh variables and no bound ones; `renaming` maps old variables to new ones.
 
     Large terms keep the parts that they share.
     """
@@ -372,9 +372,9 @@ def copy_term(term: Term, renaming: dict[Var, Term] | None = None, meter: Meter 
 
 
 def excerpt(term: Term, most: int, renaming: Mapping[Var, Term] | None = None) -> Term:
-    """A copy of a term as far in as `most` arguments reach; what is further inside is the term's own.
+    """Return a copy of the outer `most` arguments of a term; deeper parts are shared.
 
-    In the copy no variable is bound, so that backtracking does not change it; those that `renaming` holds are
+    In the copy no variable is bound, so that backtracking does not change it; those in `renaming` are
     replaced.
     """
     term = deref(term)
@@ -404,7 +404,7 @@ def excerpt(term: Term, most: int, renaming: Mapping[Var, Term] | None = None) -
 
 
 def term_variables(term: Term, meter: Meter | None = None) -> list[Var]:
-    """The distinct unbound variables of a term, from left to right. Source: ISO 13211-1, 8.5.5."""
+    """Return the distinct unbound variables of a term, from left to right. Source: ISO 13211-1, 8.5.5."""
     return list(dict.fromkeys(_variables(term, meter)))
 
 
@@ -412,7 +412,7 @@ _RANK = {Var: 0, float: 1, int: 1, Atom: 3, str: 4, Struct: 5}
 
 
 def compare(left: Term, right: Term, *, iso: bool = True, meter: Meter | None = None) -> int:
-    """The standard order of terms: -1, 0 or 1.
+    """Return the standard order of terms: -1, 0 or 1.
 
     Variables precede numbers, then atoms, strings, and compound terms by arity, name and arguments. With
     `iso` every float precedes every integer; without, numbers compare by value and a float precedes the
@@ -441,7 +441,7 @@ def compare(left: Term, right: Term, *, iso: bool = True, meter: Meter | None = 
 
 
 def _compare_shallow(left: Term, right: Term, iso: bool) -> int:
-    """The order of two distinct dereferenced terms, as far as it does not lie in their arguments."""
+    """Return the order of two distinct dereferenced terms, as far as it does not depend on arguments."""
     kind = type(left)
     if kind is not type(right):
         order = _RANK[kind] - _RANK[type(right)]
@@ -456,7 +456,7 @@ def _compare_shallow(left: Term, right: Term, iso: bool) -> int:
     elif kind is Atom:
         first, second = left.name, right.name  # type: ignore[union-attr]  # kind says so
     elif kind is Var:
-        # Addresses do not change while a variable lives, and that is all the standard asks of their order.
+        # Addresses do not change while a variable lives; the standard demands nothing more of their order.
         first, second = id(left), id(right)
     else:
         first, second = left, right
@@ -466,7 +466,7 @@ def _compare_shallow(left: Term, right: Term, iso: bool) -> int:
 
 
 def sort_key(*, iso: bool = True, meter: Meter | None = None) -> Callable[[Term], Any]:
-    """A key that sorts by the standard order of terms."""
+    """Return a key that sorts by the standard order of terms."""
     if meter is None:
         return cmp_to_key(lambda left, right: compare(left, right, iso=iso))
 
@@ -481,7 +481,7 @@ _STEPS_OF_COMPARISON: Final = 8
 
 
 def variant(left: Term, right: Term, meter: Meter | None = None) -> bool:
-    """Whether two terms are equal up to a renaming of variables."""
+    """Return whether two terms are equal up to a renaming of variables."""
     forward: dict[Var, Var] = {}
     backward: dict[Var, Var] = {}
     steps = _SHORT
@@ -513,7 +513,7 @@ def variant(left: Term, right: Term, meter: Meter | None = None) -> bool:
 
 
 def subsumes(general: Term, specific: Term, meter: Meter | None = None) -> bool:
-    """Whether `specific` is an instance of `general`; binds nothing. Source: ISO 13211-1, 8.2.4."""
+    """Return whether `specific` is an instance of `general`; binds nothing. Source: ISO 13211-1, 8.2.4."""
     trail: Trail = [meter]
     before = term_variables(specific, meter)
     try:

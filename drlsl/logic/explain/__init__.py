@@ -1,4 +1,4 @@
-"""Why a goal succeeds or fails: proofs, and what they say."""
+"""Explanations of success and failure: proofs, and their presentation."""
 
 from drlsl.logic.explain.explanation import Explanation
 from drlsl.logic.explain.proof import MAX_DEPTH, explain

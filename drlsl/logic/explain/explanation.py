@@ -32,11 +32,11 @@ class Step:
         kind: ``rule``, ``fact``, ``builtin``, ``goal`` (not expanded), ``cut``, ``negation``, ``condition``,
             ``if``, ``either``, ``all``; for failures also ``predicate``, with a ``clause`` below each.
         source: the goal as the program has it.
-        place: where it stands, None where that is not known.
+        place: its position in the text, None if unknown.
         clause: the clause that was used, None for builtins.
         bindings: the clause's variables that are bound, by name; numbers stay numbers.
-        children: what it rests on.
-        note: what else there is to say.
+        children: the steps that it rests on.
+        note: a further remark.
     """
 
     goal: str
@@ -50,7 +50,7 @@ class Step:
     note: str
 
     def to_dict(self) -> dict[str, Any]:
-        """The step as JSON's values."""
+        """Return the step as JSON's values."""
         return {
             "goal": self.goal,
             "holds": self.holds,
@@ -66,7 +66,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Whether a goal holds, the values of its variables, and the steps that say why."""
+    """An explanation: whether a goal holds, the values of its variables, and the steps."""
 
     goal: str
     holds: bool
@@ -74,7 +74,7 @@ class Explanation:
     steps: tuple[Step, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The explanation as JSON's values."""
+        """Return the explanation as JSON's values."""
         return {
             "goal": self.goal,
             "holds": self.holds,
@@ -83,11 +83,11 @@ class Explanation:
         }
 
     def to_json(self) -> str:
-        """The explanation as JSON text."""
+        """Return the explanation as JSON text."""
         return json.dumps(self.to_dict(), allow_nan=False, ensure_ascii=False)
 
     def text(self, max_lines: int = _MAX_LINES) -> str:
-        """Lines for people: ``+`` before what holds, ``-`` before what fails, its reasons indented below."""
+        """Return lines of text: ``+`` before goals that hold, ``-`` before failures, reasons indented."""
         verdict = "holds" if self.holds else "fails"
         head = f"{self.goal} {verdict}{_with(self.bindings)}"
         lines = [head]
@@ -152,7 +152,7 @@ def _short(number: float) -> float:
 
 
 def shown(term: Term, operators: Operators, labels: Mapping[int, str]) -> str:
-    """A term for people: quoted, its floats rounded, its depth bounded, variables without a name as ``_``."""
+    """Return a term as text: quoted, floats rounded, depth bounded, unnamed variables as ``_``."""
     return format_term(
         _with_short_floats(term, 0),
         operators,
@@ -173,7 +173,7 @@ def _with_short_floats(term: Term, depth: int) -> Term:
 
 
 def value(term: Term, operators: Operators) -> Shown:
-    """What a variable is bound to: a number as it is, anything else as text."""
+    """Return the value of a variable: a number unchanged, anything else as text."""
     term = deref(term)
     if isinstance(term, Atom):
         return term.name

@@ -1,8 +1,8 @@
-"""Why a goal holds, or why it fails: proof trees and the reasons of failures, over a program's own clauses.
+"""Explain why a goal holds or fails: proof trees and reasons of failures, over a program's own clauses.
 
-The search here is a second, small interpreter that keeps track of what it does. It expands the program's own
-predicates and the control constructs; builtins, the library and whatever lies deeper than its bound are asked
-of the machine. Its steps are data (`drlsl.logic.explain.explanation`), for people and for programs.
+The search here is a second, small interpreter that records its steps. It expands the program's own predicates
+and the control constructs; builtins, the library and deeper goals are left to the machine. Its steps are data
+(`drlsl.logic.explain.explanation`), for people and for programs.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from drlsl.logic.limits import Meter
 from drlsl.logic.syntax import ReadTerm, Span
 from drlsl.logic.terms import TRUE, Struct, Term, Var, deref
 
-MAX_DEPTH: Final = 24  # calls of the program's predicates inside one another that are shown
+MAX_DEPTH: Final = 24  # nested calls of the program's predicates that are shown
 MAX_GOALS: Final = 30_000  # goals that one explanation may try
 MAX_REASONS: Final = 6  # failures shown of one goal of one clause
 
-# A generator of what proves a goal, once for each solution. Its value at the end is what says why there is
-# none, or None after a solution.
+# A generator of the proofs of a goal, one for each solution. Its value at the end is the reason of the
+# failure, or None after a solution.
 _Proofs: TypeAlias = Generator["_Draft", None, "_Draft | None"]
 _Conjunction: TypeAlias = Generator["tuple[_Draft, ...]", None, tuple[Step, ...]]
 
 
 class _Scope(NamedTuple):
-    """What the goals of one clause share: its variables by name, and the text it was read from."""
+    """The common data of the goals of one clause: its variables by name, and its text."""
 
     names: dict[str, Var]
-    labels: dict[int, str]  # names of the variables of the clause as it is stored, by id
+    labels: dict[int, str]  # names of the variables of the stored clause, by id
     origin: ReadTerm | None
 
 
 class _Goal(NamedTuple):
-    """A goal to prove, the same goal as the clause has it, and where it stands."""
+    """A goal to prove, the same goal as written in the clause, and its place."""
 
     term: Term
     source: Term
@@ -58,7 +58,7 @@ class _Goal(NamedTuple):
     place: Span | None
 
     def part(self, index: int) -> _Goal:
-        """An argument that is a goal itself."""
+        """Return an argument that is a goal itself."""
         term, source = deref(self.term), self.source
         assert isinstance(term, Struct)
         if not isinstance(source, Struct) or len(source.args) != len(term.args):
@@ -68,7 +68,7 @@ class _Goal(NamedTuple):
         return _Goal(term.args[index], source.args[index], self.scope, place or self.place)
 
     def conjuncts(self) -> list[_Goal]:
-        """The goals of a conjunction in order."""
+        """Return the goals of a conjunction in order."""
         goals: list[_Goal] = []
         rest = self
         while _is(rest.term, ",", 2):
@@ -78,7 +78,7 @@ class _Goal(NamedTuple):
 
 
 class _Draft(NamedTuple):
-    """A step before its text is made, which has to be done while the bindings that it shows are there."""
+    """A step without its text, which must be made while the bindings that it shows exist."""
 
     goal: _Goal
     holds: bool
@@ -106,10 +106,10 @@ class _Frame:
 def explain(
     engine: Host, goal: Term, variables: dict[str, Var], *, limits: Limits, max_depth: int = MAX_DEPTH
 ) -> Explanation:
-    """Prove a goal once and say how, or say why it fails.
+    """Prove a goal once and explain the proof, or explain why it fails.
 
     Raises:
-        PrologError: What the goal raised.
+        PrologError: The goal raised an error.
         LimitExceeded: It went beyond the limits, or tried more than `MAX_GOALS` goals.
     """
     labels = {id(variable): name for name, variable in variables.items()}
@@ -130,7 +130,7 @@ def explain(
 
 
 class _Search:
-    """One explanation under way."""
+    """One explanation in progress."""
 
     def __init__(self, engine: Host, limits: Limits, max_depth: int) -> None:
         self.engine = engine
@@ -141,10 +141,10 @@ class _Search:
         self.trail: list[Var] = []
         self.tabled: set[object] = set()  # the calls of tabled predicates that are being explained
 
-    # What steps say.
+    # The texts of steps.
 
     def bindings(self, scope: _Scope) -> dict[str, str | int | float]:
-        """The values of the named variables that are bound."""
+        """Return the values of the named variables that are bound."""
         return {
             name: value(variable, self.engine.operators)
             for name, variable in scope.names.items()
@@ -152,7 +152,7 @@ class _Search:
         }
 
     def texts(self, goal: _Goal) -> tuple[str, str]:
-        """The goal as it stands now and as the program has it."""
+        """Return the goal with its present bindings, and as written in the program."""
         if goal.term is goal.source:
             free = goal.scope.labels
         else:
@@ -161,7 +161,7 @@ class _Search:
         return shown(goal.term, operators, free), shown(goal.source, operators, goal.scope.labels)
 
     def finish(self, draft: _Draft | Step) -> Step:
-        """The step with what its goal and its variables are bound to now."""
+        """Return the step with the present bindings of its goal and variables."""
         if isinstance(draft, Step):
             return draft
         text, source = self.texts(draft.goal)
@@ -179,7 +179,7 @@ class _Search:
     # Conjunctions.
 
     def conjunction(self, goals: list[_Goal], frame: _Frame, depth: int) -> _Conjunction:
-        """The steps of each solution; at the end, the failures of the furthest goal that was reached."""
+        """Yield the steps of each solution; at the end, the failures of the furthest goal reached."""
         running = [self.prove(goals[0], frame, depth)]
         steps: list[_Draft] = []
         reasons = _Reasons(self)
@@ -204,7 +204,7 @@ class _Search:
         return reasons.steps()
 
     def prove(self, goal: _Goal, frame: _Frame, depth: int) -> _Proofs:
-        """The proofs of one goal in a body that `frame` stands for."""
+        """Return the proofs of one goal in the body of `frame`."""
         self.tried += 1
         if self.tried > MAX_GOALS:
             raise LimitExceeded(resource_error("goals of an explanation").term)
@@ -243,7 +243,7 @@ class _Search:
         frame: _Frame,
         depth: int,
     ) -> _Proofs:
-        """The proofs of a conjunction as steps of one kind, with other steps before its own."""
+        """Yield the proofs of a conjunction as steps of one kind, after other steps."""
         proofs = self.conjunction(goals, frame, depth)
         found = False
         try:
@@ -275,7 +275,7 @@ class _Search:
     def _condition(
         self, whole: _Goal, branch: _Goal, other: _Goal | None, frame: _Frame, depth: int
     ) -> _Proofs:
-        """If-then-else; a soft one goes on with each solution of its condition."""
+        """Yield the proofs of an if-then-else; a soft one continues for each solution of its condition."""
         condition, then = branch.part(0), branch.part(1)
         soft = _is(branch.term, "*->", 2)
         proofs = self.conjunction(condition.conjuncts(), _Frame(), depth)
@@ -302,7 +302,7 @@ class _Search:
             proofs.close()
 
     def _negation(self, goal: _Goal, depth: int) -> _Proofs:
-        """``\\+ G``: a proof of G is why it fails, and the failure of G why it holds."""
+        r"""Yield the proof of ``\+ G`` by the failure of G; a proof of G is the reason of its failure."""
         proofs = self.conjunction(goal.part(0).conjuncts(), _Frame(), depth)
         steps: tuple[Step, ...] | None = None
         reasons: tuple[Step, ...] = ()
@@ -318,7 +318,7 @@ class _Search:
         return None
 
     def _forall(self, goal: _Goal, depth: int) -> _Proofs:
-        """A case in which the action fails is why forall/2 fails."""
+        """Yield the proof of forall/2; a case in which the action fails is the reason of its failure."""
         cases = self.conjunction(goal.part(0).conjuncts(), _Frame(), depth)
         count = 0
         against: tuple[Step, ...] | None = None
@@ -342,7 +342,7 @@ class _Search:
         return None
 
     def _opaque(self, goal: _Goal, only_first: bool, depth: int) -> _Proofs:
-        """call/1 and once/1: a cut inside is local."""
+        """Yield the proofs of call/1 and once/1: a cut inside is local."""
         inner = goal.part(0)
         proofs = self._joined(inner, "all", (), inner.conjuncts(), _Frame(), depth)
         if not only_first:
@@ -370,7 +370,7 @@ class _Search:
         return self._clauses(goal, target, depth)
 
     def _tabled(self, goal: _Goal, predicate: Predicate, args: tuple[Term, ...], depth: int) -> _Proofs:
-        """The proofs of a tabled predicate's call: one inside itself is answered by the table."""
+        """Yield the proofs of a tabled predicate's call: a call inside itself is answered by the table."""
         call = predicate, variant_key(args)
         if call in self.tabled:
             return (yield from self._leaf(goal, "goal"))
@@ -381,7 +381,7 @@ class _Search:
             self.tabled.discard(call)
 
     def _leaf(self, goal: _Goal, kind: str) -> _Proofs:
-        """What the solver answers."""
+        """Yield the solver's answers."""
         machine = Machine(self.engine, self.limits, self.meter)
         try:
             found = machine.solve(machine.call(goal.term, FOUND))
@@ -395,7 +395,7 @@ class _Search:
             machine.close()
 
     def _rows(self, goal: _Goal, predicate: Predicate, args: tuple[Term, ...]) -> _Proofs:
-        """Facts that were loaded in bulk."""
+        """Yield facts that were loaded in bulk."""
         rows = predicate.candidate_rows(deref(args[0])) if args else predicate.rows or []
         found = False
         mark = len(self.trail)
@@ -438,7 +438,7 @@ class _Search:
         return _Draft(goal, False, "predicate", tuple(attempts), note)
 
     def _enter(self, goal: _Goal, clause: Clause) -> _Goal | None:
-        """The body of a renamed clause whose head matches; None, with nothing bound, where it does not."""
+        """Return the body of a renamed clause whose head matches; else None, with nothing bound."""
         renaming: dict[Var, Term] = {}
         head = copy_term(clause.head, renaming)
         mark = len(self.trail)
@@ -461,7 +461,7 @@ class _Search:
         return _Goal(term, source, scope, place or clause.span)
 
     def _clause(self, goal: _Goal, clause: Clause, body: _Goal, frame: _Frame, depth: int) -> _Proofs:
-        """The proofs by one clause whose head matches."""
+        """Yield the proofs by one clause whose head matches."""
         if body.term is TRUE:
             yield _Draft(goal, True, "fact", (), "", clause.span, body.scope)
             return None

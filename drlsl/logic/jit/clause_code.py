@@ -76,15 +76,15 @@ Step: TypeAlias = Goal | Commit
 
 @dataclass
 class Place:
-    """Where code is being emitted, and what holds there.
+    """A place where code is being emitted, and the state there.
 
     Attributes:
         function: the function under construction.
-        scope: what is known of the clause's variables.
-        fail: emits what to do when a goal fails.
+        scope: the known facts about the clause's variables.
+        fail: emits the code for the failure of a goal.
         k: the local with the continuation.
-        pending: emits the choice point for the clauses left to try, as long as that has been put off.
-        loop: emits a last call of the predicate itself as a jump to its beginning, where that is possible.
+        pending: emits the choice point for the remaining clauses, as long as that has been postponed.
+        loop: emits a last call of the predicate itself as a jump to its beginning, if that is possible.
     """
 
     function: Function
@@ -95,7 +95,7 @@ class Place:
     loop: Callable[[Sequence[str]], None] | None = None
 
     def commit(self) -> None:
-        """Leave the choice point for the clauses left to try."""
+        """Emit the choice point for the remaining clauses."""
         if self.pending is not None:
             self.pending()
             self.pending = None
@@ -195,7 +195,7 @@ class BodyEmitter:
     def _capture(
         self, place: Place, function: Function, goals: Sequence[Step], k: str, first: str
     ) -> tuple[str, Place]:
-        """A task, or with `first` a choice point, that runs a function with the variables its goals need."""
+        """Return a task, or with `first` a choice point, of a function and the variables its goals need."""
         scope = place.scope
         heights = self._heights_of(goals, scope.names)
         live = [variable for variable in variables_of(goals) if variable in scope.names] + heights
@@ -272,7 +272,7 @@ class BodyEmitter:
             function.emit(f"return start_generator(m, {namespace.name('F', target)}({arguments}), {k})")
 
     def _settle_quickly(self, function: Function, quick: Any, parts: Sequence[str], k: str) -> list[str]:
-        """Ask first what settles most calls of a builtin; returns its arguments as locals."""
+        """Emit the quick test that decides most calls of a builtin; return its arguments as locals."""
         names = [function.local() for _ in parts]
         function.emit(f"{', '.join([*names, ''])} = {', '.join([*parts, ''])}")
         settled = function.local("b")
@@ -285,7 +285,7 @@ class BodyEmitter:
     def _call_rows(
         self, place: Place, name: str, args: tuple[Term, ...], rest: Sequence[Step], target: Any
     ) -> None:
-        """A call of facts held as rows, for as long as they are: what follows is for when they are not."""
+        """Emit a call of facts held as rows, for as long as they are; the code after it is for later."""
         scope, predicate = place.scope, self._module.namespace.name("P", target)
         asked = Struct(name, args)
         after = variables_of(rest)

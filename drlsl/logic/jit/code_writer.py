@@ -1,4 +1,4 @@
-"""Lines of generated code, and what is known of a clause's variables at one place in it."""
+"""Lines of generated code, and the known facts about a clause's variables at a place in it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 
 from drlsl.logic.terms import Struct, Term, Var, deref
 
-# Deeper terms are built step by step, since Python limits how deep an expression nests.
+# Deeper terms are built step by step, since Python limits the nesting of expressions.
 DEEPEST_EXPRESSION = 6
 
 
-# What functions have in locals of the same names, where they use it.
+# Values that functions keep in locals of the same names if they use them.
 _OF_MACHINE = ("trail", "choices", "rounds")
 
 
@@ -23,7 +23,7 @@ class Namespace:
         self._names: dict[tuple[str, Any], str] = {}
 
     def name(self, prefix: str, value: Any) -> str:
-        """The name under which the code finds a value; one name for one object."""
+        """Return the name of a value in the code; one name for one object."""
         key = (prefix, id(value))
         known = self._names.get(key)
         if known is None:
@@ -33,11 +33,10 @@ class Namespace:
 
 
 class Scope:
-    """Which variables of a clause are Python locals by now, under which names, and which of them are numbers.
+    """The variables of a clause that are already Python locals, their names, and which are numbers.
 
     `names` maps a variable to the local that holds its term. `numbers` maps a variable to the local that
-    holds the value of its term as an expression; `integers` has the names of locals that are sure to be
-    integers.
+    holds the value of its term as an expression; `integers` has the names of locals that are surely integers.
     """
 
     def __init__(
@@ -51,7 +50,7 @@ class Scope:
         self.integers = set(integers)
 
     def copy(self) -> Scope:
-        """The same knowledge, to go on from independently."""
+        """Return an independent copy."""
         return Scope(self.names, self.numbers, self.integers)
 
 
@@ -63,7 +62,7 @@ class Function:
         self.module = module
         self.lines: list[tuple[str, Any]] = []
         self.indent = 1
-        self.commits = False  # whether it removes choice points that were made before it is called
+        self.commits = False  # whether it removes choice points that were made before its call
         self._info: Any = None
 
     def begin(self, *names: str) -> None:
@@ -75,15 +74,15 @@ class Function:
         self.lines.append((" " * self.indent + text, self._info))
 
     def about(self, goal: Term | None, clause: Any, scope: Scope) -> None:
-        """What the lines from here on are for: errors raised there are errors of this goal."""
+        """Set the goal of the following lines: errors raised there are errors of this goal."""
         self._info = None if goal is None else (goal, clause, dict(scope.names))
 
     def local(self, prefix: str = "x") -> str:
-        """A new name for a local."""
+        """Return a new name for a local."""
         return self.module.fresh(prefix)
 
     def constant(self, term: Term) -> str:
-        """An expression for an atomic term or a ground one."""
+        """Return an expression for an atomic or ground term."""
         if type(term) is int and abs(term) < 1 << 30:
             return str(term) if term >= 0 else f"({term})"
         if type(term) is str:
@@ -92,28 +91,28 @@ class Function:
 
 
 class Module:
-    """The functions of one predicate, on their way to being compiled by Python."""
+    """The functions of one predicate, before Python compiles them."""
 
     def __init__(self, title: str, namespace: Namespace, voids: Container[Var]) -> None:
         self.title = title
         self.namespace = namespace
-        self.voids = voids  # the variables that occur once in their clause, so that no code asks for them
+        self.voids = voids  # the variables that occur once in their clause, so that no code needs them
         self.functions: list[Function] = []
         self._counter = 0
 
     def fresh(self, prefix: str) -> str:
-        """A name that nothing else in the module has."""
+        """Return a name that is unused in the module."""
         self._counter += 1
         return f"{prefix}{self._counter}"
 
     def function(self, name: str | None = None) -> Function:
-        """A new function ``name(m, t)`` of a machine and a task."""
+        """Return a new function ``name(m, t)`` of a machine and a task."""
         function = Function(name or self.fresh("f"), self)
         self.functions.append(function)
         return function
 
     def load(self) -> dict[str, Any]:
-        """Have Python compile the functions; returns their globals.
+        """Have Python compile the functions; return their globals.
 
         ``LINES`` of these is for `add_context`, ``COMMITS`` has the names of the functions that commit.
         """
@@ -142,7 +141,7 @@ def ensure(function: Function, scope: Scope, variables: Iterable[Var]) -> None:
 
 
 def build(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
-    """An expression for a term, after the lines that make its new variables."""
+    """Return an expression for a term, after the lines that make its new variables."""
     term = deref(term)
     if type(term) is Var:
         if term in function.module.voids and term not in scope.names:
@@ -195,7 +194,7 @@ def _is_ground(term: Term) -> bool:
 
 
 def depth_of(term: Term) -> int:
-    """How deep a term nests, a list counting by its elements."""
+    """Return the nesting depth of a term, that of a list by its elements."""
     deepest = 0
     todo = [(term, 1)]
     while todo:

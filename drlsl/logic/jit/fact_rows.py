@@ -10,15 +10,15 @@ from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 
 
 def emit_row_match(function: Function, scope: Scope, args: Sequence[Term], wanted: set[Var]) -> None:
-    """Unify a goal's arguments with the local `row`, or go on with the next row.
+    """Unify a goal's arguments with the local `row`, or continue with the next row.
 
-    Variables that are `wanted` and have no local yet get one; others stand for anything.
+    Variables that are `wanted` and have no local yet get one; others match anything.
     """
     for index, arg in enumerate(args):
         arg = deref(arg)
         value = f"row[{index}]"
         if type(arg) is Struct:
-            # Rows hold atomic terms alone.
+            # Rows hold only atomic terms.
             _next_row(function)
             return
         if type(arg) is not Var:

@@ -1,12 +1,12 @@
 """Code that builds a list from its front: a last call fills in the tail of the cell that this call made.
 
-In ``app([H|T], L, [H|R]) :- app(T, L, R)`` the variable `R` only hands the place of the tail on to the next
+In ``app([H|T], L, [H|R]) :- app(T, L, R)`` the variable `R` only passes the place of the tail to the next
 call. If the third argument is unbound, that place is a *hole*: the cell is kept in a local, with its head in
 another, and the next round puts the next cell into it. No variable is made, bound, trailed or dereferenced
 for it.
 
-A hole is closed before anything can see it: before a clause with alternatives, any goal but a test of numbers
-or types, and the end of the loop. A failure leaves it open, as the binding that leads to the first cell is
+A hole is closed before anything can read it: before a clause with alternatives, any goal but a test of
+numbers or types, and the end of the loop. A failure leaves it open, because the binding to the first cell is
 undone.
 """
 
@@ -86,7 +86,7 @@ def _occurrences(variable: Var, clause: Clause) -> int:
 
 
 def close_hole(function: Function, position: int) -> None:
-    """Put a variable into a hole, if there is one, and make it the argument."""
+    """Fill a hole, if there is one, with a variable, and make that the argument."""
     function.emit(f"if hole{position} is not None:")
     function.emit(f" a{position} = Var()")
     function.emit(f" hole{position}.args = (lead{position}, a{position})")
@@ -103,7 +103,7 @@ def emit_hole(
         _emit_cell(function, scope, pattern, position, fail)
         return
     if kept:
-        # Handed on as it is; the jump leaves this argument alone.
+        # Passed on unchanged; the jump leaves this argument alone.
         assert type(pattern) is Var
         scope.names[pattern] = name
         return
@@ -126,7 +126,7 @@ def emit_hole(
 
 
 def _emit_cell(function: Function, scope: Scope, pattern: Struct, position: int, fail: Fail) -> None:
-    """Match a cell whose tail goes to the last call: put a new one into the hole, or take one apart."""
+    """Match a cell whose tail is left to the last call: put a new one into the hole, or take one apart."""
     name, hole, lead = f"a{position}", f"hole{position}", f"lead{position}"
     tail = deref(pattern.args[1])
     assert type(tail) is Var
@@ -169,14 +169,14 @@ def _emit_cell(function: Function, scope: Scope, pattern: Struct, position: int,
 
 
 def _rebuild(function: Function, before: Scope, scope: Scope, head: Term) -> None:
-    """Make the locals of variables that the head of the cell brings in, under the names they have by now."""
+    """Make the locals of variables that the head of the cell introduces, under their present names."""
     for variable, local in scope.names.items():
         if variable not in before.names:
             function.emit(f"{local} = Var()")
 
 
 def _emit_new_cell(function: Function, name: str) -> None:
-    # The placeholder is what an error about the unfinished cell would show.
+    # An error about the unfinished cell would show the placeholder.
     function.emit(f"cell = Struct({name!r}, UNFINISHED)")
 
 

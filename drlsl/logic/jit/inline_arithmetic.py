@@ -12,13 +12,13 @@ from drlsl.logic.terms import Struct, Term, Var, deref
 COMPARISONS = {"=:=": "==", "=\\=": "!=", "<": "<", "=<": "<=", ">": ">", ">=": ">="}
 _COMPARE = {name: comparison(name) for name in COMPARISONS}
 _INLINE = {"+": "+", "-": "-", "*": "*"}
-# Products of integers below this are made in no time; what is larger is accounted for.
+# Products of integers below this are fast; larger ones are accounted for.
 _LARGEST_FACTOR = 1 << 60
 _DEEPEST = 30
 
 
 def emit_value(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
-    """An expression (a local or a literal) for the value of an arithmetic expression."""
+    """Return an expression (a local or a literal) for the value of an arithmetic expression."""
     term = deref(term)
     if type(term) is int or type(term) is float:
         return function.constant(term)
@@ -46,7 +46,7 @@ def _emit_variable(function: Function, scope: Scope, variable: Var) -> str:
         return known
     name = function.local("n")
     term = build(function, scope, variable)
-    # Most are numbers, or bound to one; the evaluator sees to whatever else there is.
+    # Most are numbers, or bound to one; the evaluator handles the others.
     function.emit(f"{name} = {term}.ref if type({term}) is Var else {term}")
     function.emit(f"if type({name}) is not int and type({name}) is not float: {name} = evaluate({term}, m)")
     scope.numbers[variable] = name
@@ -83,7 +83,7 @@ def _emit_binary(function: Function, scope: Scope, term: Struct, left: str, righ
 
 
 def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fail: Fail) -> None:
-    """``Result is Expression``."""
+    """Emit ``Result is Expression``."""
     result = deref(result)
     value = emit_value(function, scope, expression)
     if type(result) is Var and result not in scope.names:
@@ -112,5 +112,5 @@ def emit_comparison(function: Function, scope: Scope, name: str, args: Sequence[
 
 
 def _is_exact(expression: str) -> bool:
-    """Whether an operand is an integer that a float has too, so that Python compares it as Prolog does."""
+    """Return whether an operand is an integer that floats represent exactly, for Python's comparison."""
     return expression.lstrip("(-").rstrip(")").isdigit()

@@ -52,20 +52,20 @@ _RUNTIME: dict[str, Any] = {
     "unify": unify,
 }
 
-# So many constants as first arguments are compared one by one; more are looked up.
+# Up to this number of constants as first arguments are compared one by one; more are looked up.
 _FEW = 4
 
 Alternatives = tuple[Any, ...]
 
 
 def compile_predicate(predicate: Predicate, linker: Resolver, unbound: Any = None) -> Any:
-    """The entry point of a predicate's generated code.
+    """Return the entry point of a predicate's generated code.
 
-    Calls whose first argument is unbound go to `unbound` where there is such a function and the clauses tell
-    first arguments apart, which spares about half of the code.
+    Calls whose first argument is unbound go to `unbound`, if given and the clauses differ in first arguments,
+    which saves about half of the code.
 
     Raises:
-        PrologError: A body is not callable; the plain solver will say so when it is reached.
+        PrologError: A body is not callable; the plain solver will report it when it is reached.
     """
     return _PredicateCompiler(predicate, linker, unbound).compile()
 
@@ -79,7 +79,7 @@ class _PredicateCompiler:
         self._module = Module(
             f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME), _voids(self._clauses)
         )
-        # A call of a tabled predicate by itself is one like any other: it asks the table.
+        # A recursive call of a tabled predicate is a call like any other: it reads the table.
         own = (predicate.name, predicate.arity) if predicate.tabled is None else ("", -1)
         self._emitter = BodyEmitter(self._module, linker, own)
         self._args = [f"a{index}" for index in range(predicate.arity)]
@@ -114,7 +114,7 @@ class _PredicateCompiler:
         return self._module.load()["entry"]
 
     def _limit_rounds(self, begin: int) -> None:
-        """Let the loop that begins at a line go round so often, and then back to the trampoline."""
+        """Limit the rounds of the loop that begins at a line; then return to the trampoline."""
         function = self._function
         function.lines[begin : begin + 1] = [(" while rounds:", None), ("  rounds -= 1", None)]
         function.about(None, None, Scope())
@@ -142,7 +142,7 @@ class _PredicateCompiler:
             function.emit("h = len(choices)")
         function.emit("while alts:")
         function.indent += 1
-        # What a clause that failed has bound; after the last one, backtracking undoes it.
+        # Bindings of a clause that failed; after the last one, backtracking undoes them.
         function.emit("if len(trail) > mark: undo(trail, mark)")
         function.emit("i, alts = alts")
         for count, number in enumerate(sorted(self._chained)):
@@ -198,7 +198,7 @@ class _PredicateCompiler:
         function.indent -= 1
 
     def _chain(self, numbers: Sequence[int]) -> Alternatives:
-        """The clauses to try as linked pairs: the first, and the chain of the others."""
+        """Return the clauses to try as linked pairs: the first, and the chain of the others."""
         self._chained.update(numbers)
         chain: Alternatives = ()
         for number in reversed(numbers):
@@ -223,7 +223,7 @@ class _PredicateCompiler:
         function.emit(f" alts = {lookup}.get(key, {self._chain(others)!r})")
 
     def _chosen(self, chain: list[int], *, first_known: bool) -> None:
-        """The code for a first argument that only these clauses match."""
+        """Emit the code for a first argument that only these clauses match."""
         function = self._function
         function.indent += 1
         if not chain:
@@ -281,7 +281,7 @@ class _PredicateCompiler:
             self._values = {at: numbers[name] for at, name in names.items() if name in numbers}
 
     def _clause_of_chain(self, number: int) -> None:
-        """A clause with others behind it."""
+        """Emit a clause with others after it."""
         function, clause, args = self._function, self._clauses[number], self._args
         height = Var("Height")
         scope = Scope({height: "h"})
@@ -308,7 +308,7 @@ class _PredicateCompiler:
                 continue
             is_new = type(deref(pattern)) is Var and deref(pattern) not in scope.names
             if may_bind and type(deref(pattern)) is Struct:
-                # What this clause has bound, the next one must not find in the argument itself.
+                # The next clause must not find this clause's bindings in the argument itself.
                 local = function.local()
                 function.emit(f"{local} = {name}")
                 name = local
@@ -334,7 +334,7 @@ def _body(clause: Clause) -> Goal:
 
 
 def _voids(clauses: Sequence[Clause]) -> set[Var]:
-    """The variables that occur just once in their clause."""
+    """Return the variables that occur only once in their clause."""
     once: set[Var] = set()
     again: set[Var] = set()
     for clause in clauses:
@@ -349,7 +349,7 @@ def _voids(clauses: Sequence[Clause]) -> set[Var]:
 
 
 def _chains(clauses: Sequence[Clause]) -> tuple[dict[Any, list[int]], list[int]]:
-    """The clauses that may match each first argument that is named, and those for any other."""
+    """Return the clauses that may match each named first argument, and those for any other."""
     chains: dict[Any, list[int]] = {}
     others: list[int] = []
     for number, clause in enumerate(clauses):

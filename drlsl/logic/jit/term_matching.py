@@ -19,7 +19,7 @@ def emit_deref(function: Function, name: str) -> None:
 
 
 def emit_match(function: Function, scope: Scope, pattern: Term, name: str, fail: Fail) -> None:
-    """Unify a term of the clause with the term in a local; `fail` emits what to do if that is impossible."""
+    """Unify a term of the clause with the term in a local; `fail` emits the code for failure."""
     pattern = deref(pattern)
     if type(pattern) is Var:
         if pattern in function.module.voids:
@@ -71,7 +71,7 @@ def _emit_test(function: Function, test: str, fail: Fail) -> None:
 
 
 def _emit_struct(function: Function, scope: Scope, pattern: Struct, name: str, fail: Fail) -> None:
-    """Take a compound term apart, or build it where a variable waits for it."""
+    """Take a compound term apart, or build it for an unbound variable."""
     emit_deref(function, name)
     is_alike = f"{name}.name == {pattern.name!r} and len({name}.args) == {len(pattern.args)}"
     function.emit(f"if type({name}) is Struct and {is_alike}:")
@@ -84,7 +84,7 @@ def _emit_struct(function: Function, scope: Scope, pattern: Struct, name: str, f
     function.indent -= 1
     function.emit(f"elif type({name}) is Var:")
     function.indent += 1
-    # The variables that the first branch made known must be the same locals here.
+    # The variables that the first branch introduced must be the same locals here.
     for variable in term_variables(pattern):
         if variable in scope.names and variable not in before.names:
             before.names[variable] = scope.names[variable]

@@ -1,4 +1,4 @@
-"""When a predicate is compiled: after the plain solver has spent about as long on it as compiling will take.
+"""Decide when to compile a predicate: once the plain solver has spent on it the time of compiling.
 
 Then it takes at most about twice the time of the better choice, however often the predicate is called.
 """
@@ -14,10 +14,9 @@ from drlsl.logic.errors import PrologError
 from drlsl.logic.terms import Struct, deref
 
 PATIENCE: Final = 8.0
-"""Calls by the plain solver in which compiling one node of a clause's term would have paid for itself."""
+"""Calls by the plain solver after which compiling one node of a clause's term pays for itself."""
 
-# Compiling costs as much as it does of so many nodes however few there are, so smaller predicates are not
-# worth being measured.
+# Compiling takes at least the time of this number of nodes, so smaller predicates are not measured.
 _SMALL: Final = 64
 _MOST_CLAUSES: Final = 40
 _LARGEST_CLAUSE: Final = 10_000
@@ -25,8 +24,8 @@ _DEEPEST_CLAUSE: Final = 60
 
 
 def cold_entry(linker: Resolver, predicate: Predicate) -> Any:
-    """The function that calls a predicate which has no code of its own yet, once its cold calls are spent."""
-    # What is not defined is left to the plain solver, which says where it was called.
+    """Return the function that calls a predicate without code, once its cold calls are used up."""
+    # Undefined predicates are left to the plain solver, which reports the place of the call.
     predicate.cold = int(PATIENCE * _SMALL) if predicate.defined else sys.maxsize
     cold = partial(_call_cold, linker, predicate, measured=False)
     if predicate.tabled is None:
@@ -38,7 +37,7 @@ def cold_entry(linker: Resolver, predicate: Predicate) -> Any:
 def _call_cold(
     linker: Resolver, predicate: Predicate, machine: Machine, task: Task, *, measured: bool
 ) -> Task:
-    """Call the predicate by the plain solver; when it has been called for long enough, compile it.
+    """Call the predicate by the plain solver; compile it once it has been called often enough.
 
     Compiled code comes here with every call, the plain solver only when no cold calls are left.
     """
@@ -76,7 +75,7 @@ def _call_tabled(predicate: Predicate, machine: Machine, task: Task) -> Task:
 
 
 class _Unbound:
-    """Calls a compiled predicate where its first argument is unbound, for which it has no code at first."""
+    """Calls a compiled predicate with an unbound first argument, for which it has no code at first."""
 
     __slots__ = ("_code", "_left", "_linker", "_predicate", "entry")
 
@@ -104,7 +103,7 @@ class _Unbound:
 
 
 def _size(predicate: Predicate) -> int:
-    """How many nodes the terms of a predicate's clauses have; 0 where it will not be compiled."""
+    """Return the number of nodes in the terms of a predicate's clauses; 0 if it will not be compiled."""
     if not _is_compilable(predicate):
         return 0
     size = 0
@@ -123,7 +122,7 @@ def _is_compilable(predicate: Predicate) -> bool:
 
 
 def _is_modest(clause: Clause) -> bool:
-    """Whether a clause is small enough to be worth compiling: Python takes long to compile long functions."""
+    """Return whether a clause is small enough to be compiled: long functions take Python long."""
     left = _LARGEST_CLAUSE
     todo = [(clause.head, 0), (clause.body, 0)]
     while todo:
@@ -133,7 +132,7 @@ def _is_modest(clause: Clause) -> bool:
         if not left or depth > _DEEPEST_CLAUSE:
             return False
         if type(term) is Struct:
-            # A conjunction or a list nests by its elements alone.
+            # The depth of a conjunction or a list is that of its elements.
             is_chain = len(term.args) == 2 and term.name in (",", ".")
             todo.extend((arg, depth + 1) for arg in term.args[:-1])
             todo.append((term.args[-1], depth if is_chain else depth + 1))
@@ -141,10 +140,10 @@ def _is_modest(clause: Clause) -> bool:
 
 
 def _compile(linker: Resolver, predicate: Predicate) -> Any:
-    """The compiled entry point, or None for a predicate that stays with the plain solver."""
+    """Return the compiled entry point, or None for a predicate that stays with the plain solver."""
     if not _is_compilable(predicate) or not all(map(_is_modest, predicate.clauses)):
         return None
-    # Imported late: programs that run for a moment need no compiler.
+    # Imported late: short programs need no compiler.
     from drlsl.logic.jit.predicate import compile_predicate
 
     try:
@@ -152,6 +151,6 @@ def _compile(linker: Resolver, predicate: Predicate) -> Any:
         unbound.entry = compile_predicate(predicate, linker, unbound)
         return unbound.entry
     except (PrologError, RecursionError, SyntaxError):
-        # A body that is no goal is an error only once it is reached, which the plain solver waits for; and
-        # Python bounds how deep code nests.
+        # A body that is not a goal is an error only once it is reached, as in the plain solver; and
+        # Python limits the nesting of code.
         return None

@@ -1,4 +1,4 @@
-"""How rule files become a program: directives, the library, and what each goal calls."""
+"""Loading rule files into a program: directives, the library, and the targets of goals."""
 
 from drlsl.logic.loading.consult import (
     LARGEST_FILE,

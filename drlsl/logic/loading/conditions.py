@@ -16,7 +16,7 @@ _ARITIES: Final = {"if": 1, "elif": 1, "else": 0, "endif": 0}
 
 
 class _Condition:
-    """An if/1 that is open: whether this branch is kept, whether one may still be, whether else/0 was."""
+    """An open if/1: whether this branch is kept, whether a later one may be, whether else/0 was read."""
 
     __slots__ = ("at_else", "kept", "opened", "waiting")
 
@@ -36,11 +36,11 @@ class Conditions:
 
     @property
     def skipping(self) -> bool:
-        """Whether what follows belongs to a branch that is not taken."""
+        """True if the following text belongs to a branch that is not taken."""
         return bool(self._open) and not self._open[-1].kept
 
     def take(self, read: ReadTerm) -> bool:
-        """Obey a term that is one of the four directives; False for any other.
+        """Obey a term that is one of the four directives; return False for any other.
 
         Raises:
             PrologSyntaxError: Its if/1 is missing, or else/0 came before it.
@@ -68,12 +68,12 @@ class Conditions:
         return True
 
     def unclosed(self) -> list[PrologSyntaxError]:
-        """What is wrong at the end of the file: an error for each condition that is still open."""
+        """Return an error for each condition that is still open at the end of the file."""
         return [_misplaced(condition.opened, ":- if without :- endif") for condition in self._open]
 
 
 def _directive(term: Term) -> tuple[str, tuple[Term, ...]] | None:
-    """The name and the arguments of a directive of this kind."""
+    """Return the name and the arguments of a directive of this kind."""
     if type(term) is not Struct or term.name != ":-" or len(term.args) != 1:
         return None
     goal = deref(term.args[0])

@@ -1,4 +1,4 @@
-"""Loading a program: clauses, grammar rules and directives, with everything that is wrong said at once.
+"""Load a program: clauses, grammar rules and directives, with all errors reported at once.
 
 Source: ISO 13211-1, 7.4.
 """
@@ -42,7 +42,7 @@ from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 if TYPE_CHECKING:
     pass
 
-# Directives of other systems that say nothing here: of modes, modules, documentation and code generation.
+# Directives of other systems without effect here: modes, modules, documentation and code generation.
 _SKIPPED: Final = frozenset(
     entry
     for line in (
@@ -64,12 +64,12 @@ _SKIPPED_FLAGS: Final = frozenset(
     for entry in line.split()
 )
 LARGEST_FILE: Final = 64 * 2**20
-"""Bytes of the largest file that is read as text: a device that never ends is refused after so many."""
+"""Bytes of the largest file that is read as text: an endless device is refused after these."""
 
 _USER: Final = Atom("user")
 _MOST_NESTED: Final = 100  # files that name files that name files
 
-# What no program may define anew besides control constructs: the builtin predicates of the standard.
+# Predicates that no program may redefine besides control constructs: the builtins of the standard.
 STANDARD: Final = frozenset(
     entry
     for line in (
@@ -94,7 +94,7 @@ STANDARD: Final = frozenset(
 
 
 class ConsultError(PrologSyntaxError):
-    """A text that could not be loaded for more than one reason; `errors` has them all, in order."""
+    """A text that could not be loaded for more than one reason; `errors` has all of them, in order."""
 
     def __init__(self, errors: list[PrologError]) -> None:
         first = errors[0]
@@ -109,14 +109,14 @@ class ConsultError(PrologSyntaxError):
 
 
 class _CommaBefore(PrologPermissionError):
-    """A clause with a conjunction for its head, which nobody writes on purpose."""
+    """A clause with a conjunction as its head, which is never intended."""
 
     def message(self) -> str:
         return f"{super().message()}; the first goal here ends with a comma: should that be a full stop?"
 
 
 class _Circle(PrologPermissionError):
-    """A file that is to be read as a part of itself."""
+    """A file that includes itself."""
 
     def __init__(self, operation: str, path: Path, chain: Sequence[Path]) -> None:
         super().__init__(permission_error(operation, "source_sink", Atom(str(path))).term)
@@ -127,15 +127,15 @@ class _Circle(PrologPermissionError):
 
 
 class _Terminal(PrologPermissionError):
-    """Clauses that would have to be typed."""
+    """Clauses to be typed at the terminal."""
 
     def message(self) -> str:
-        return f"{super().message()}: rules come from files, and the terminal is none"
+        return f"{super().message()}: rules come from files, and the terminal is not one"
 
 
 @dataclass(frozen=True)
 class LoadWarning:
-    """Something in a text that is probably not meant."""
+    """A finding in a text: something that is probably not intended."""
 
     message: str
     place: str
@@ -145,7 +145,7 @@ class LoadWarning:
 
 
 class LoadingEngine(Host, Protocol):
-    """An engine, as the loader sees it."""
+    """The engine's interface for the loader."""
 
     linker: Linker
     warnings: list[LoadWarning]
@@ -159,9 +159,9 @@ class LoadingEngine(Host, Protocol):
 
 
 class Loader:
-    """Loads one text, and what it includes, into an engine.
+    """Loads one text, and the files that it includes, into an engine.
 
-    `search` are the folders where the files that it names are looked for, after the one that it lies in.
+    `search` are the folders in which files that it names are searched, after its own.
     """
 
     def __init__(
@@ -202,7 +202,7 @@ class Loader:
         """Load a text.
 
         Raises:
-            PrologError: What was wrong with it; a `ConsultError` if there was more than one thing.
+            PrologError: The error in it; a `ConsultError` if there is more than one.
         """
         self._text(text, self._name)
         if self._hides:
@@ -270,13 +270,13 @@ class Loader:
         predicate.append(clause)
 
     def _begin(self, predicate: Predicate, read: ReadTerm) -> None:
-        """The first clause of a predicate in this text replaces what another text said of it."""
+        """Have the first clause of a predicate in this text replace another text's clauses."""
         if predicate.dynamic or predicate.multifile or not len(predicate):
             return
         others = sorted({clause.source for clause in predicate.clauses if clause.source is not None})
         if others != [self._name]:
             name = f"{predicate.name}/{predicate.arity}"
-            meant = f"if that is meant, say so before: :- abolish({name})."
+            meant = f"if that is intended, declare it before: :- abolish({name})."
             self._warn(f"{name} is defined anew; before, in {', '.join(others)}; {meant}", read)
         predicate.replace([])
 
@@ -297,7 +297,7 @@ class Loader:
         if special is not None:
             special(args, read)
         elif indicator in _SKIPPED and self._engine.program.find(name, len(args)) is None:
-            self._warn_once(f"{indicator} says nothing here and is skipped", read)
+            self._warn_once(f"{indicator} has no effect here and is skipped", read)
         else:
             self._run(goal, read)
 
@@ -306,7 +306,7 @@ class Loader:
             self._warn("the directive failed", read)
 
     def _succeeds(self, goal: Term, read: ReadTerm) -> bool | None:
-        """Whether a goal holds; None, with the error noted, where it raises one."""
+        """Return whether a goal holds; None, with the error recorded, if it raises one."""
         try:
             return self._engine.run_directive(goal, meter=self._meter)
         except PrologError as error:
@@ -314,36 +314,36 @@ class Loader:
             return None
 
     def _note(self, error: PrologError, read: ReadTerm) -> None:
-        """Keep an error to say it with the others; one that is not to be caught ends the loading."""
+        """Record an error to report it with the others; one that is not catchable ends the loading."""
         error.clause = error.clause or str(read.span)
         if not error.catchable:
             raise error
         self._errors.append(error)
 
     def _holds(self, goal: Term, read: ReadTerm) -> bool:
-        """Whether the goal of an if/1 holds; one that raises an error does not."""
+        """Return whether the goal of an if/1 holds; one that raises an error does not."""
         return self._succeeds(goal, read) is True
 
     # ------------------------------------------------------------------ files
 
     def _named(self, file: Term) -> Path:
-        """The file that a term names."""
+        """Return the file that a term names."""
         if deref(file) is _USER:
             raise _Terminal(permission_error("load", "source_sink", _USER).term)
         return find_file(file, self.reading[-1].parent if self.reading else None, self._search)
 
     def _not_under_way(self, path: Path, operation: str) -> Path:
-        """A file that is to be read, now that it is known to be no part of itself.
+        """Return a file to be read, after checking that it does not include itself.
 
         Raises:
-            PrologError: It is, or too many files name each other.
+            PrologError: It does, or too many files include each other.
         """
         chain = [each for loader in self._engine.loaders for each in loader.reading]
         known = [each.resolve() for each in chain]
         if path.resolve() in known:
             raise _Circle(operation, path, chain[known.index(path.resolve()) :])
         if len(chain) > _MOST_NESTED:
-            raise resource_error(f"more than {_MOST_NESTED} files that name each other")
+            raise resource_error(f"more than {_MOST_NESTED} files that include each other")
         return path
 
     def _include(self, args: tuple[Term, ...], _read: ReadTerm) -> None:
@@ -363,7 +363,7 @@ class Loader:
         """Load the file that a term names, or each of a list, also `again` if it was loaded before.
 
         Raises:
-            PrologError: There is no such file, or something is wrong with it.
+            PrologError: There is no such file, or it has errors.
             OSError: It cannot be read.
         """
         files = deref(files)
@@ -387,7 +387,7 @@ class Loader:
             raise _not_shown(path, error) from None
 
     def finds(self, file: Term) -> bool:
-        """Whether a term names a library or a file."""
+        """Return whether a term names a library or a file."""
         module = _library_name(deref(file))
         if module is not None:
             return library().provides(module)
@@ -401,28 +401,28 @@ class Loader:
         self.load_files(args[0], again=False)
 
     def _module(self, _args: tuple[Term, ...], _read: ReadTerm) -> None:
-        """A module's predicates are all visible: there is one name space."""
+        """Ignore the module: all predicates are visible in one name space."""
 
     # ------------------------------------------------------------------ other directives
 
     def _thread_local(self, args: tuple[Term, ...], read: ReadTerm) -> None:
-        """An engine is its thread's own, so that such a predicate is dynamic."""
+        """Declare a predicate dynamic: an engine belongs to one thread anyway."""
         self._run(Struct("dynamic", args), read)
 
     def _set_prolog_flag(self, args: tuple[Term, ...], read: ReadTerm) -> None:
         flag = deref(args[0])
         if type(flag) is Atom and flag.name in _SKIPPED_FLAGS:
-            self._warn_once(f"the flag {flag.name} says nothing here and is skipped", read)
+            self._warn_once(f"the flag {flag.name} has no effect here and is skipped", read)
         else:
             self._run(Struct("set_prolog_flag", args), read)
 
     def _abolish(self, args: tuple[Term, ...], read: ReadTerm) -> None:
-        """Forget static predicates that were loaded so far, so that this text may define them anew.
+        """Forget static predicates that were loaded so far, so that this text may redefine them.
 
-        The standard's abolish/1, which as a goal leaves static predicates alone, is no directive of its own.
+        The standard's abolish/1, a goal that leaves static predicates alone, is not a directive.
 
         Raises:
-            PrologError: One is not defined, or is none that a program may define.
+            PrologError: One is not defined, or is one that no program may define.
         """
         for name, arity in indicators(args[0]):
             predicate = self._engine.program.find(name, arity)
@@ -443,7 +443,7 @@ class Loader:
 
 
 def _library_name(file: Term) -> str | None:
-    """What ``library(Name)`` names, "" where that is no name; None for any other term."""
+    """Return the name in ``library(Name)``, "" if it is not a name; None for any other term."""
     if type(file) is not Struct or file.name != "library" or len(file.args) != 1:
         return None
     name = deref(file.args[0])
@@ -456,19 +456,19 @@ def _indicator(head: Term) -> Indicator:
 
 
 def _is_rule_file(path: Path) -> bool:
-    """Whether lines of a file that a program names may be shown: it is meant to be one of rules."""
+    """Return whether lines of a named file may be shown: only those of rule files may."""
     return path.suffix == ".pl"
 
 
 def _not_shown(path: Path, error: PrologError) -> PrologSyntaxError:
-    """What is wrong with a file that a program names and that may be anything, without a word of it."""
+    """Return the error of a named file that may be anything, without any of its contents."""
     line = error.line if isinstance(error, PrologSyntaxError) else 0
-    message = "this is no Prolog text (what is wrong is only shown of files named *.pl)"
+    message = "this is not Prolog text (details are only shown for files named *.pl)"
     return PrologSyntaxError(syntax_error(message).term, file=str(path), line=line or 1, column=1)
 
 
 def read_source(path: Path) -> str:
-    """The text of a file.
+    """Return the text of a file.
 
     Raises:
         PrologSyntaxError: It is not encoded in UTF-8.
@@ -482,7 +482,7 @@ def read_source(path: Path) -> str:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8")
-        bad = f"byte 0x{data[error.start]:02x} is no UTF-8; save the file in that encoding"
+        bad = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file in that encoding"
         line = before.count("\n") + 1
         column = len(before) - before.rfind("\n")
         raise PrologSyntaxError(
@@ -492,7 +492,7 @@ def read_source(path: Path) -> str:
 
 
 def find_file(term: Term, folder: Path | None, search: Sequence[Path] = ()) -> Path:
-    """The file that an atom names, with or without ``.pl``, in a folder or else in those of a search path.
+    """Return the file that an atom names, with or without ``.pl``, in a folder or else in a search path.
 
     Raises:
         ExistenceError: There is no such file.

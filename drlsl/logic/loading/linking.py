@@ -1,4 +1,4 @@
-"""What a goal's name and arity stand for: a predicate of the program, a builtin, or one of the library."""
+"""The target of a goal's name and arity: a predicate of the program, a builtin, or one of the library."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from drlsl.logic.terms import TRUE, CyclicTerm, Operators, Struct
 
 _LIBRARY: Final = Path(__file__).parent / "library"
 _HEADER: Final = re.compile(r":- module\((\w+), \[([^]]*)\]\)\.")
-# Larger predicates are data, of which a query may need little: their clauses wait until they are tried.
+# Larger predicates are data, of which a query may need little: their clauses are linked when they are tried.
 _MOST_PREPARED: Final = 200
 _EXPORT: Final = re.compile(r"\(?'?([^\s,'/()]+)'?\)?/(\d+)")
 
@@ -46,7 +46,7 @@ _BUILT_IN: Final = frozenset(
 
 
 def builtin(name: str, arity: int) -> tuple[int, Any] | None:
-    """The kind of node and the function of a builtin; None where there is none of that name and arity."""
+    """Return the kind of node and the function of a builtin; None if there is none."""
     key = name, arity
     for op, table in ((DET, DET_BUILTINS), (CONTROL, CONTROL_BUILTINS), (NONDET, NONDET_BUILTINS)):
         function = table.get(key)
@@ -56,7 +56,7 @@ def builtin(name: str, arity: int) -> tuple[int, Any] | None:
 
 
 class Library:
-    """The predicates written in Prolog: read when first needed, once for the whole process, then fixed."""
+    """The predicates written in Prolog: read when first needed, once for the process, then fixed."""
 
     def __init__(self) -> None:
         self.exports: dict[Indicator, Path] = {}
@@ -72,7 +72,7 @@ class Library:
                 self.exports[name, int(arity)] = path
 
     def find(self, name: str, arity: int) -> Predicate | None:
-        """The predicate that the library exports under that name and arity."""
+        """Return the predicate that the library exports under that name and arity."""
         path = self.exports.get((name, arity))
         if path is None:
             return None
@@ -86,7 +86,7 @@ class Library:
         return [] if predicate is None else list(predicate.clauses)
 
     def provides(self, module: str) -> bool:
-        """Whether use_module/1 of a library has nothing to do but find it there."""
+        """Return whether use_module/1 of a library only needs to find it."""
         return module in self.modules or module in _BUILT_IN
 
     def _load(self, path: Path) -> None:
@@ -111,19 +111,19 @@ class Library:
             self._loaded.add(path)
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:
-        """The kind of node and the target of a goal in a library clause: no program can change it."""
+        """Return the kind of node and the target of a goal in a library clause: no program can change it."""
         predicate = self.find(name, arity) or self.program.find(name, arity)
         if predicate is not None:
             return CALL, predicate
         return builtin(name, arity) or (CALL, self.program.get(name, arity))
 
     def link(self, node: Node, name: str, arity: int) -> None:
-        """Have a node of a library clause call what its name and arity stand for."""
+        """Set the target of a node of a library clause by its name and arity."""
         set_target(node, self.resolve(name, arity))
 
 
 def set_target(node: Node, found: tuple[int, Any]) -> None:
-    """Have a node call what its name and arity were found to stand for."""
+    """Set the target of a node to a result of `resolve`."""
     node.op, target = found
     if node.op == CALL:
         node.target = target
@@ -136,23 +136,23 @@ def set_target(node: Node, found: tuple[int, Any]) -> None:
 
 @cache
 def library() -> Library:
-    """The library that every engine of the process shares."""
+    """Return the library that every engine of the process shares."""
     return Library()
 
 
 class _NotYet(Exception):
-    """What a goal stands for may still change until it is called."""
+    """A target that may still change until the goal is called."""
 
 
 class Linker:
-    """Finds what goals stand for in one program."""
+    """Finds the targets of goals in one program."""
 
     def __init__(self) -> None:
         self.program = Program(self.link, partial(cold_entry, self))
-        self.relinked = 0  # how often what goals stand for has changed
+        self.relinked = 0  # the number of changes of the targets of goals
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:
-        """The kind of node and the target of a goal: the program's own predicates hide all others."""
+        """Return the kind of node and the target of a goal: the program's own predicates hide all others."""
         predicate = self.program.predicates.get((name, arity))
         if predicate is not None and predicate.defined:
             return CALL, predicate
@@ -162,11 +162,11 @@ class Linker:
         return CALL, library().find(name, arity) or self.program.get(name, arity)
 
     def link(self, node: Node, name: str, arity: int) -> None:
-        """Have a node call what its name and arity stand for."""
+        """Set the target of a node by its name and arity."""
         set_target(node, self.resolve(name, arity))
 
     def relink(self) -> None:
-        """Have every clause linked anew, after a definition has begun to hide a builtin."""
+        """Have every clause linked again, after a definition has begun to hide a builtin."""
         self.relinked += 1
         for predicate in self.program.predicates.values():
             if predicate.rows is None:
@@ -175,9 +175,9 @@ class Linker:
             predicate.changed()
 
     def prepare(self, predicates: Iterable[Predicate], meter: Meter) -> None:
-        """Make clauses and indexes ready that the first call would have to, where nothing can change them.
+        """Prepare clauses and indexes that the first call would need, if nothing can change them.
 
-        Whatever is wrong with a clause is an error only once it is reached.
+        A faulty clause is an error only once it is reached.
 
         Raises:
             LimitExceeded: It goes beyond the limits of the meter.

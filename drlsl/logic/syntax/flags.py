@@ -40,9 +40,9 @@ _DEFAULTS: Final[dict[str, Term]] = {
 class Flags:
     """The flags of one engine.
 
-    The ones that are asked for often are attributes too: `unknown`, `double_quotes`, `occurs_check` (each the
-    name of its value) and `iso` (a bool: False accepts the extensions of SWI-Prolog). `conversions` is
-    what char_conversion/2 said; `active_conversions` is empty while the flag char_conversion is off.
+    Frequently used ones are attributes, too: `unknown`, `double_quotes`, `occurs_check` (each the name of its
+    value) and `iso` (a bool: False accepts the extensions of SWI-Prolog). `conversions` were set by
+    char_conversion/2; `active_conversions` is empty while the flag char_conversion is off.
     """
 
     __slots__ = ("_values", "conversions", "double_quotes", "iso", "occurs_check", "unknown")
@@ -69,7 +69,7 @@ class Flags:
         return self.conversions if self._name("char_conversion") == "on" else {}
 
     def copy(self) -> Flags:
-        """Independent flags with the same values."""
+        """Return independent flags with the same values."""
         twin = Flags()
         twin._values.update(self._values)
         twin.conversions.update(self.conversions)
@@ -77,11 +77,11 @@ class Flags:
         return twin
 
     def items(self) -> Iterator[tuple[str, Term]]:
-        """Each flag and its value."""
+        """Yield each flag and its value."""
         return iter(list(self._values.items()))
 
     def get(self, name: str) -> Term | None:
-        """The value of a flag; None where there is no such flag."""
+        """Return the value of a flag; None if there is no such flag."""
         return self._values.get(name)
 
     def set(self, flag: Term, value: Term) -> None:
@@ -106,7 +106,7 @@ class Flags:
         self._refresh()
 
     def _refuse(self, flag: Atom, value: Term) -> None:
-        """A fixed flag: a value of the wrong kind is a domain error, any other a permission error."""
+        """Refuse to set a fixed flag: a domain error for a wrong value, else a permission error."""
         current = self._values[flag.name]
         if flag.name == "bounded" and not (isinstance(value, Atom) and value.name in ("true", "false")):
             raise domain_error("flag_value", Struct("+", (flag, value)))

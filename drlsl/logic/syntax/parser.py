@@ -1,6 +1,6 @@
-"""One term from its tokens: a parser for operator precedence with a stack of its own, so no term is too deep.
+"""Parse one term from its tokens: an operator precedence parser with an explicit stack, for any depth.
 
-Source: ISO 13211-1 6.3 (terms) with Cor.2; each method quotes the rule that it reads.
+Source: ISO 13211-1 6.3 (terms) with Cor.2; each method quotes its grammar rule.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ _OPEN_KINDS: Final = frozenset({WORD_OPEN, SYMBOL_OPEN, QUOTED_OPEN, LETTER_OPEN
 _NAME_KINDS: Final = frozenset({WORD, SYMBOL, QUOTED, LETTER}) | _OPEN_KINDS
 _OPERAND_KINDS: Final = _OPEN_KINDS | {VARIABLE, INTEGER, FRACTION, SPECIAL, STRING, BACKQUOTED}
 
-# Terms whose arguments are goals: the reader keeps where each argument begins, for explanations.
+# Terms whose arguments are goals: the reader keeps the offset of each argument, for explanations.
 _CONTROL: Final = frozenset({":-", "-->", ",", ";", "->", "*->", "|", "\\+"})
 _META: Final = frozenset(
     {"\\+", "call", "not", "once", "ignore", "forall", "findall", "bagof", "setof", "catch"}
 )
 
-# What reading reports to the meter at once, in tokens and in steps of a walk.
+# The unit of reports to the meter, in tokens and in steps of a walk.
 _REPORT: Final = 1024
 _STEPS: Final = 4 * _REPORT
 _FEW_DIGITS: Final = 4000
@@ -76,7 +76,7 @@ class ReadTerm:
     positions: dict[int, tuple[int, ...]] = field(default_factory=dict)
 
     def place(self, control: Struct, index: int) -> Span | None:
-        """Where argument `index` of a control term of this term begins; None where that is not known."""
+        """Return the place of argument `index` of a control term of this term; None if unknown."""
         offsets = self.positions.get(id(control))
         return None if offsets is None else self.source.span(offsets[index], offsets[index])
 
@@ -102,9 +102,9 @@ _Handler = Callable[[str, int], bool]
 class Parser:
     """Parses the tokens of one term after the other.
 
-    `values` holds operands, `pending` the operators and brackets around them, `inside` the open brackets (of
-    what kind, and how many values lie below). `priority` is that of the last value. A handler takes a token's
-    text and offset and tells whether an operand must come next.
+    `values` holds operands, `pending` the operators and brackets around them, `inside` the open brackets
+    (their kind, and the number of values below). `priority` is that of the last value. A handler takes a
+    token's text and offset and returns whether an operand must come next.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class Parser:
     def _handlers(
         self, name: _Handler, name_open: _Handler, punctuation: _Handler, other: _Handler
     ) -> list[_Handler]:
-        """Handlers by token kind for the kinds that operand and operator position share."""
+        """Return handlers by token kind for the kinds that operand and operator position share."""
         handlers = [other] * (EOF + 1)
         handlers[WORD] = handlers[SYMBOL] = name
         handlers[WORD_OPEN] = handlers[SYMBOL_OPEN] = name_open
@@ -146,14 +146,14 @@ class Parser:
         return lambda text, start: handler(self._characters(text, start, "'"), start)
 
     def _letter(self, handler: _Handler, other: _Handler) -> _Handler:
-        """A word that begins with a letter beyond ASCII: a capital begins a variable."""
+        """Return the handler of a word with a letter beyond ASCII first: a capital begins a variable."""
         capital = self._variable if handler == self._name else other
         return lambda text, start: (capital if text[0].isupper() or text[0].istitle() else handler)(
             text, start
         )
 
     def parse(self, tokens: list[Token]) -> ReadTerm:
-        """The term of the tokens of one clause.
+        """Return the term of the tokens of one clause.
 
         term = operand { operator operand } end, with brackets and operators kept on explicit stacks.
         """
@@ -191,7 +191,7 @@ class Parser:
         return False
 
     def _variable(self, text: str, start: int) -> bool:
-        """term = variable; each ``_`` is a variable of its own."""
+        """Read: term = variable; each ``_`` is a variable of its own."""
         if text == "_":
             return self._push(Var(), start)
         known = self.variables.get(text)
@@ -203,7 +203,7 @@ class Parser:
         return self._push(known, start)
 
     def _number(self, value: int | float, start: int) -> bool:
-        """term = number | - number"""
+        """Read: term = number | - number."""
         if self.minus >= 0:
             value, start, self.minus = -value, self.minus, -1
         return self._push(value, start)
@@ -237,7 +237,7 @@ class Parser:
             self._fail(str(error), start, text)
 
     def _string(self, text: str, start: int) -> bool:
-        """term = double quoted list; the flag double_quotes tells what it stands for (6.3.7)."""
+        """Read: term = double quoted list; the flag double_quotes decides its type (6.3.7)."""
         value = self._characters(text, start, '"')
         kind = self.flags.double_quotes
         if kind == "string":
@@ -247,15 +247,15 @@ class Parser:
         return self._push(make_list(map(ord if kind == "codes" else Atom, value)), start - 1)
 
     def _back_quoted(self, text: str, start: int) -> bool:
-        """A list of codes, as in SWI-Prolog; ISO gives back-quoted text no meaning."""
+        """Read a list of codes, as in SWI-Prolog; ISO leaves back-quoted text undefined."""
         if self.strict:
-            self._fail("back-quoted text has no meaning while the flag iso is true", start, text)
+            self._fail("back-quoted text is undefined while the flag iso is true", start, text)
         return self._push(make_list(map(ord, self._characters(text, start, "`"))), start - 1)
 
     def _name(self, text: str, start: int) -> bool:
-        """term = atom | - number | prefix-operator term
+        """Read: term = atom | - number | prefix-operator term.
 
-        An atom that is an operator has priority 1201 (6.3.1.3), so it is no operand without brackets.
+        An atom that is an operator has priority 1201 (6.3.1.3), so it is not an operand without brackets.
         """
         kind, following, _ = self.tokens[self.at]
         if text == "-" and kind in NUMBERS:
@@ -269,7 +269,7 @@ class Parser:
         return self._push(Atom(text), start, _ATOM_PRIORITY if is_operator and self.strict else 0)
 
     def _begins_operand(self, kind: int, text: str) -> bool:
-        """Whether a token behind a prefix operator begins its argument; else that operator is an atom."""
+        """Return whether a token after a prefix operator begins its argument."""
         if kind in _OPERAND_KINDS:
             return True
         if kind == PUNCTUATION:
@@ -281,13 +281,13 @@ class Parser:
         return text in self.prefix or not (text in self.infix or text in self.operators.postfix)
 
     def _open(self, text: str, start: int) -> bool:
-        """term = functor ( arguments )"""
+        """Read: term = functor ( arguments )."""
         self.pending.append((_FRAME_PRIORITY, _ARGUMENT_PRIORITY, text, 0, start))
         self.inside.append((_FUNCTOR, len(self.values)))
         return True
 
     def _operand_punctuation(self, text: str, start: int) -> bool:
-        """term = ( term ) | [ items ] | { term } | [] | {}"""
+        """Read: term = ( term ) | [ items ] | { term } | [] | {}."""
         if text == "(":
             if self.functor:
                 self.functor, name = "", self.functor
@@ -308,7 +308,7 @@ class Parser:
         return True
 
     def _empty(self, name: str, start: int) -> bool:
-        """atom = [ ] | { }, which may be a functor as well"""
+        """Read: atom = [ ] | { }, which may be a functor as well."""
         opened = self.pending.pop()[4]
         self.inside.pop()
         kind, following, at = self.tokens[self.at]
@@ -320,7 +320,7 @@ class Parser:
     # Operators.
 
     def _infix(self, text: str, start: int) -> bool:
-        """term = term infix-operator term | term postfix-operator"""
+        """Read: term = term infix-operator term | term postfix-operator."""
         entry = self.infix.get(text)
         if entry is None:
             return self._postfix(text, start)
@@ -333,7 +333,7 @@ class Parser:
         return True
 
     def _infix_open(self, text: str, start: int) -> bool:
-        """An infix operator with a bracketed operand right behind it, as in ``a-(b)``."""
+        """Read an infix operator with a bracketed operand right after it, as in ``a-(b)``."""
         if text not in self.infix:
             self._no_operator(text, start)
         self._infix(text, start)
@@ -378,7 +378,7 @@ class Parser:
         self.priority = priority
 
     def _close(self) -> _Pending:
-        """Build all within the innermost bracket and check what it holds."""
+        """Build all within the innermost bracket and check its contents."""
         pending = self.pending
         while pending[-1][3]:
             self._build(pending.pop())
@@ -413,7 +413,7 @@ class Parser:
         return self._close_list(kind) if text == "]" else self._close_curly()
 
     def _bar(self, kind: str, start: int) -> bool:
-        """The bar before a list's tail, or an infix operator (Cor.2)"""
+        """Read the bar before a list's tail, or an infix operator (Cor.2)."""
         if kind == _LIST:
             self._close()
             self.inside[-1] = (_TAIL, self.inside[-1][1])
@@ -423,7 +423,7 @@ class Parser:
         return self._infix("|", start)
 
     def _close_functor(self) -> bool:
-        """term = functor ( argument , ... )"""
+        """Read: term = functor ( argument , ... )."""
         _, _, name, _, start = self._close()
         self.pending.pop()
         base = self.inside.pop()[1]
@@ -435,7 +435,7 @@ class Parser:
         return self._push(term, start)
 
     def _close_list(self, kind: str) -> bool:
-        """term = [ item , ... ] | [ item , ... | tail ]"""
+        """Read: term = [ item , ... ] | [ item , ... | tail ]."""
         start = self._close()[4]
         self.pending.pop()
         base = self.inside.pop()[1]
@@ -447,7 +447,7 @@ class Parser:
         return self._push(result, start)
 
     def _close_curly(self) -> bool:
-        """term = { term }"""
+        """Read: term = { term }."""
         start = self._close()[4]
         self.pending.pop()
         self.inside.pop()
@@ -485,7 +485,7 @@ class Parser:
         self._unexpected(f"an operator{more} '{_CLOSING[bracket]}'", text, start)
 
     def _unexpected(self, wanted: str, text: str, start: int) -> NoReturn:
-        """Say what was found, what could stand there, and which bracket is still open."""
+        """Raise the error: the token found, what was expected, and the bracket that is still open."""
         kind = self.tokens[self.at - 1][0]
         found = {END: "end of clause", EOF: "end of text"}.get(kind, f"'{text}'")
         bracket = self.inside[-1][0]

@@ -29,13 +29,13 @@ __all__ = ["ReadTerm", "Reader", "Source", "Span", "is_complete", "parse_number"
 
 
 BYTE_ORDER_MARK: Final = "\ufeff"
-"""What some editors write before the text of a file."""
+"""The byte order mark, which some editors write before the text."""
 
 
 class Reader:
-    """Reads a text term by term: an iterator that goes on after a syntax error at the next term.
+    """Reads a text term by term: an iterator that continues after a syntax error at the next term.
 
-    `operators` and `flags` are looked at anew for each term, so a directive changes how the rest is read.
+    `operators` and `flags` are read again for each term, so a directive affects the rest of the text.
     """
 
     __slots__ = ("_flags", "_parser", "_tokens", "source")
@@ -53,25 +53,25 @@ class Reader:
 
     @property
     def offset(self) -> int:
-        """Where the next term begins: the offset behind the end token of the last one."""
+        """The offset of the next term, right after the end token of the last one."""
         return self._tokens.offset
 
     def __iter__(self) -> Iterator[ReadTerm]:
         return self
 
     def __next__(self) -> ReadTerm:
-        """The next term.
+        """Return the next term.
 
         Raises:
-            PrologSyntaxError: the text up to the next end token is no term; the next call reads on behind it.
-            StopIteration: there are no more terms.
+            PrologSyntaxError: the text up to the next end token is not a term; the next call continues after
+            it. StopIteration: there are no more terms.
         """
         self._tokens.follow(self._flags)
         tokens = self._tokens.clause()
         if tokens[-1][0] == EOF:
             if len(tokens) == 1:
                 raise StopIteration
-            self._parser.parse(tokens)  # which knows better what is missing, if the term is not whole
+            self._parser.parse(tokens)  # which has the better message if the term is incomplete
             _, text, start = tokens[-2]
             message = "end of file: expected . at the end of the clause"
             raise self.source.error(message, start, start + len(text))
@@ -81,14 +81,14 @@ class Reader:
 def read_terms(
     text: str, operators: Operators, flags: Flags, name: str = "user", meter: Meter | None = None
 ) -> Reader:
-    """The terms of a text, read lazily: a directive may change `operators` and `flags` between two terms."""
+    """Return the terms of a text, read lazily: directives may change `operators` and `flags`."""
     return Reader(text, operators, flags, name, meter)
 
 
 def read_term(
     text: str, operators: Operators, flags: Flags, name: str = "user", meter: Meter | None = None
 ) -> ReadTerm:
-    """The one term of a text, such as a goal; the end token is optional.
+    """Return the one term of a text, such as a goal; the end token is optional.
 
     Raises:
         PrologSyntaxError: the text is not exactly one term.
@@ -109,7 +109,7 @@ def read_term(
 
 
 def is_complete(text: str, flags: Flags) -> bool:
-    """Whether a text that is being typed holds a whole clause, or something that no more text can mend."""
+    """Return whether a text being typed holds a whole clause, or an error that more text cannot fix."""
     try:
         tokens = Tokens(Source(text, "user"), flags).clause()
     except PrologSyntaxError as error:
@@ -118,10 +118,10 @@ def is_complete(text: str, flags: Flags) -> bool:
 
 
 def parse_number(text: str, flags: Flags, meter: Meter | None = None) -> int | float:
-    """The number that a text denotes, with layout allowed before it and none behind it.
+    """Return the number of a text, with layout allowed before it but not after it.
 
     Raises:
-        PrologSyntaxError: the text is no number.
+        PrologSyntaxError: the text is not a number.
 
     Source: ISO 13211-1 8.16.7 (number_chars), 8.16.8 (number_codes).
     """

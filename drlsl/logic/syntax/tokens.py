@@ -18,13 +18,13 @@ from drlsl.logic.syntax.flags import Flags
 from drlsl.logic.terms import Atom, Struct, parse_digits
 
 # The kinds of a token are the numbers of the groups of the expression below. A kind "open" is a name with the
-# bracket of its arguments right behind it, as in foo( .
+# bracket of its arguments right after it, as in foo( .
 VARIABLE, WORD, WORD_OPEN, PUNCTUATION, END, SPECIAL, FRACTION, INTEGER = range(1, 9)
 SYMBOL, SYMBOL_OPEN, QUOTED, QUOTED_OPEN, STRING, BACKQUOTED, LETTER, LETTER_OPEN = range(9, 17)
 EOF, ERROR = 17, 18
 
-# Only single characters are repeated possessively: before 3.11.5, Python's re does not take back what a
-# possessive group read before it failed. So the groups can be read in one way alone.
+# Only single characters are repeated possessively: before 3.11.5, Python's re does not undo what a possessive
+# group read before it failed. So the groups can be read in only one way.
 _ESCAPE: Final = r"\\(?:x[0-9a-fA-F]++\\?+|[0-7]++\\?+|x(?![0-9a-fA-F])|[^x0-7])"
 _LAYOUT: Final = r"(?:\s++|%[^\n]*+|/\*[^*]*+(?:\*(?!/)[^*]*+)*\*/)*"
 
@@ -55,11 +55,11 @@ def _expression(iso: bool) -> str:
 
 @cache
 def token_pattern(iso: bool) -> re.Pattern[str]:
-    """The expression that matches one token with the layout before it; group number = kind."""
+    """Return the expression that matches one token with the layout before it; group number = kind."""
     return re.compile(_expression(iso), re.VERBOSE)
 
 
-# One token: its kind, its text (without quotes or bracket) and where that begins.
+# One token: its kind, its text (without quotes or bracket) and its offset.
 Token = tuple[int, str, int]
 
 # The group that holds the text of a token of each kind.
@@ -91,7 +91,7 @@ class Source:
         self._line_starts: list[int] | None = None
 
     def position(self, offset: int) -> tuple[int, int]:
-        """The line and column, both from 1, of a character."""
+        """Return the line and column, both from 1, of a character."""
         starts = self._line_starts
         if starts is None:
             starts = self._line_starts = [0, *(match.end() for match in re.finditer("\n", self.text))]
@@ -99,11 +99,11 @@ class Source:
         return line, offset - starts[line - 1] + 1
 
     def span(self, start: int, end: int) -> Span:
-        """The stretch from `start` up to and without `end`."""
+        """Return the stretch from `start` up to but not including `end`."""
         return Span(self.name, *self.position(start), *self.position(end))
 
     def error(self, message: str, start: int, end: int) -> PrologSyntaxError:
-        """A syntax error about the characters from `start` up to `end`."""
+        """Return a syntax error about the characters from `start` up to `end`."""
         line, column = self.position(start)
         place = Struct("file", (Atom(self.name), line, column))
         ball = Struct("error", (Struct("syntax_error", (Atom(message),)), place))
@@ -122,7 +122,7 @@ _LITERAL: Final = re.compile(
 
 
 def _convert(text: str, conversions: dict[str, str]) -> str:
-    """The text with its unquoted characters converted, of the same length."""
+    """Return the text with its unquoted characters converted, of the same length."""
     return _LITERAL.sub(lambda match: conversions.get(match[0], match[0]), text)
 
 
@@ -142,7 +142,7 @@ class Tokens:
         self.follow(flags)
 
     def follow(self, flags: Flags) -> None:
-        """Read on by what the flags say now: ISO's syntax or SWI-Prolog's, and conversions of characters."""
+        """Adapt to the present flags: ISO's syntax or SWI-Prolog's, and conversions of characters."""
         if flags.iso != self._iso:
             self._iso, self._matches = flags.iso, None
         active = flags.active_conversions
@@ -152,10 +152,10 @@ class Tokens:
             self._text = read + _convert(rest, active)
 
     def clause(self) -> list[Token]:
-        """The tokens up to and with the next end or the end of the text.
+        """Return the tokens up to and including the next end, or up to the end of the text.
 
         Raises:
-            PrologSyntaxError: text that is no token; the next call goes on behind the next end token.
+            PrologSyntaxError: text that is not a token; the next call continues after the next end token.
         """
         if self._matches is None:
             self._matches = token_pattern(self._iso).finditer(self._text, self.offset)
@@ -177,7 +177,7 @@ class Tokens:
         return tokens
 
     def _fail(self, char: str, start: int) -> NoReturn:
-        """Raise for a character that begins no token, after moving behind the next end token."""
+        """Raise an error for a character that begins no token, after moving past the next end token."""
         text = self.source.text
         message, end = f"unexpected character {char!r}", start + 1
         if text.startswith("/*", start):
@@ -194,7 +194,7 @@ class Tokens:
         raise self.source.error(message, start, end)
 
 
-# What reading reports to the meter at once, in tokens and in steps of a walk.
+# The unit of reports to the meter, in tokens and in steps of a walk.
 _REPORT: Final = 1024
 _STEPS: Final = 4 * _REPORT
 
@@ -221,7 +221,7 @@ _MAX_CODE: Final = 0x10FFFF
 
 
 def unquote(text: str, quote: str, iso: bool) -> str:
-    """The characters that the text between two quotes stands for.
+    """Return the characters of the text between two quotes.
 
     Raises:
         ValueError: an escape sequence that does not exist, with its reason.
@@ -256,7 +256,7 @@ _RADIX: Final = {"x": 16, "o": 8, "b": 2}
 
 
 def parse_float(text: str) -> float:
-    """The value of a float's text.
+    """Return the value of a float's text.
 
     Raises:
         ValueError: the value is too large for a float.
@@ -270,7 +270,7 @@ def parse_float(text: str) -> float:
 
 
 def parse_special(text: str, iso: bool) -> int:
-    """The value of a character code (``0'a``), a number in another base (``0x1F``) or ``16'FF``.
+    """Return the value of a character code (``0'a``), a number in another base (``0x1F``) or ``16'FF``.
 
     Raises:
         ValueError: an undefined escape sequence, or digits outside the base.

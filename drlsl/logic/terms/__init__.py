@@ -1,4 +1,4 @@
-"""Terms, and how they are written."""
+"""Terms, and writing them."""
 
 from drlsl.logic.terms.digits import MOST_BITS, decimal_digits, parse_digits, product_seconds
 from drlsl.logic.terms.operators import SPECIFIERS, Operators

@@ -11,9 +11,9 @@ from functools import cache
 from typing import Final, Protocol
 
 MOST_BITS: Final = 1 << 24
-"""An integer of more bits is a resource error: it takes seconds to work with."""
+"""Bits of the largest integer; a larger one, which takes seconds to compute with, is a resource error."""
 
-# Read by what the digits could need: a decimal one less than four bits.
+# Estimated by the digits: a decimal one needs less than four bits.
 _MOST_READ: Final = 4 * MOST_BITS // 3
 _DIGITS_AT_ONCE: Final = 4000
 _BITS_AT_ONCE: Final = 1 << 12
@@ -31,20 +31,20 @@ class Costs(Protocol):
         """Account for steps of a builtin."""
 
     def text(self, size: int) -> None:
-        """Account for a text of so many bytes that is about to be made."""
+        """Account for a text of `size` bytes that is about to be made."""
 
     def forecast(self, seconds: float) -> None:
-        """Account for an operation about to begin that cannot be interrupted and takes so long [s]."""
+        """Account for an uninterruptible operation about to begin that takes `seconds` [s]."""
 
 
 def product_seconds(first: int, second: int) -> float:
-    """The time that a product of integers of so many bits takes at most [s]."""
+    """Return the longest time of a product of integers of these numbers of bits [s]."""
     small, large = sorted((first, second))
     return float(_PRODUCT * (small / 2**20) ** 1.585 * large / max(1, small))
 
 
 def decimal_digits(value: int, meter: Costs | None = None) -> str:
-    """The decimal text of an integer of any size.
+    """Return the decimal text of an integer of any size.
 
     Raises:
         LimitExceeded: Writing it takes too long.
@@ -70,7 +70,7 @@ def _power_of_two(exponent: int) -> decimal.Decimal:
 
 
 def _to_decimal(value: int, bits: int, power: Callable[[int], decimal.Decimal]) -> decimal.Decimal:
-    """The same number as a decimal, whose products are fast: halves joined, so as deep as log2(bits)."""
+    """Return the same number as a decimal, joined from halves: decimals have fast products."""
     if bits <= _BITS_AT_ONCE:
         return decimal.Decimal(value)
     half = bits // 2
@@ -81,10 +81,10 @@ def _to_decimal(value: int, bits: int, power: Callable[[int], decimal.Decimal]) 
 
 
 def parse_digits(digits: str, base: int = 10, meter: Costs | None = None) -> int:
-    """The value of digits in a base, however many; single ``_`` may stand between them.
+    """Return the value of any number of digits in a base; single ``_`` may be between them.
 
     Raises:
-        ValueError: One is no digit of the base.
+        ValueError: One is not a digit of the base.
         OverflowError: There are too many.
         LimitExceeded: Reading them takes too long.
     """
@@ -93,7 +93,7 @@ def parse_digits(digits: str, base: int = 10, meter: Costs | None = None) -> int
     digits = digits.replace("_", "")
     bits = int(len(digits) * (base - 1).bit_length())
     if bits > _MOST_READ:
-        raise OverflowError("an integer of so many digits")
+        raise OverflowError("an integer with this many digits")
     if base & (base - 1) == 0:
         return int(digits, base)
     if meter is not None:

@@ -1,4 +1,4 @@
-"""The operator table of an engine: what op/3 changes and reader and writer consult."""
+"""The operator table of an engine, changed by op/3 and used by reader and writer."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 SPECIFIERS: Final = frozenset({"xfx", "xfy", "yfx", "fy", "fx", "xf", "yf"})
 
-# Source: ISO 13211-1 table 7 with Cor.2 (prefix +, div, bar), then what SWI-Prolog programs expect besides.
+# Source: ISO 13211-1 table 7 with Cor.2 (prefix +, div, bar), then further operators of SWI-Prolog.
 _DEFAULT: Final = (
     (1200, "xfx", (":-", "-->")),
     (1200, "fx", (":-", "?-")),
@@ -50,7 +50,7 @@ class Operators:
                 self.add(priority, specifier, name)
 
     def copy(self) -> Operators:
-        """An independent table with the same operators."""
+        """Return an independent table with the same operators."""
         twin = Operators.__new__(Operators)
         twin.prefix, twin.infix, twin.postfix = self.prefix.copy(), self.infix.copy(), self.postfix.copy()
         return twin
@@ -71,11 +71,11 @@ class Operators:
             self.postfix[name] = (priority, priority - (specifier[0] == "x"))
 
     def is_operator(self, name: str) -> bool:
-        """Whether `name` is an operator of any class."""
+        """Return whether `name` is an operator of any class."""
         return name in self.infix or name in self.prefix or name in self.postfix
 
     def entries(self) -> Iterator[tuple[int, str, str]]:
-        """Each definition as (priority, specifier, name)."""
+        """Yield each definition as (priority, specifier, name)."""
         for name, (priority, argument) in list(self.prefix.items()):
             yield priority, "fy" if argument == priority else "fx", name
         for name, (priority, left, right) in list(self.infix.items()):

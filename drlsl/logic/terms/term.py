@@ -16,8 +16,8 @@ from typing import Final, TypeAlias
 class Atom:
     """An interned symbol: while an atom is in use, every atom of its name is the same object.
 
-    Atoms are immutable, so engines share them without sharing any state. Those that nothing refers to are
-    freed some time later; whoever remembers the `id` of an atom must keep the atom too.
+    Atoms are immutable, so engines share them without sharing any state. Those without references are freed
+    some time later; code that stores the `id` of an atom must keep the atom, too.
     """
 
     __slots__ = ("__weakref__", "name")
@@ -35,36 +35,36 @@ class Atom:
         return Atom, (self.name,)
 
 
-# Atoms with more characters are freed at once, which costs more for each of them.
+# Atoms with more characters are freed at once, which takes more time for each of them.
 _LONG: Final = 4096
 # An atom and its place in the table [bytes], without the characters of its name.
 _ATOM_BYTES: Final = 150
-# So many bytes of new atoms are not worth a sweep.
+# This many bytes of new atoms are not worth a sweep.
 _FEW_BYTES: Final = 1 << 20
-# So many more for each atom that a sweep leaves: it makes as much work however long its name is.
+# This many more for each atom that a sweep keeps, whose work does not depend on its name's length.
 _NEW_BYTES_OF_ATOM: Final = 3 * _ATOM_BYTES
 
 
 class _AtomTable:
-    """The atoms by their names: all that are in use, and not many more that are not.
+    """The atoms by their names: all that are in use, and a limited number that are not.
 
-    `known` refers to atoms as anybody else does, so that looking one up costs no more than that. When those
-    that are new since the last sweep take much memory for the number that were in use then, the next sweep
-    lets go of all and takes back those that are still there.
+    `known` holds ordinary references, so that looking up an atom is fast. When the atoms that are new since
+    the last sweep take much memory compared with the number that were in use then, the next sweep drops all
+    references and restores those of atoms that still exist.
     """
 
     def __init__(self) -> None:
         self.known: dict[str, Atom] = {}
         self._passing: dict[str, weakref.ref[Atom]] = {}
         self._long: weakref.WeakValueDictionary[str, Atom] = weakref.WeakValueDictionary()
-        # Reentrant, since what is finalised during a sweep may ask for an atom.
+        # Reentrant, since a finaliser may intern an atom during a sweep.
         self._lock = threading.RLock()
         self._is_sweeping = False
         self._new_bytes = 0
         self._most_bytes = _FEW_BYTES
 
     def intern(self, name: str) -> Atom:
-        """The atom of a name that is not among the known ones, or was not a moment ago."""
+        """Return the atom of a name that is not among the known ones, or was not a moment ago."""
         with self._lock:
             if len(name) > _LONG:
                 return self._long.setdefault(name, _new_atom(name))
@@ -79,7 +79,7 @@ class _AtomTable:
             return atom
 
     def _sweep(self) -> None:
-        """Forget the atoms that nothing else refers to; at every moment each other one can be found."""
+        """Forget the atoms without other references; at every moment all other ones can be found."""
         self._is_sweeping = True
         try:
             self._passing.update((name, weakref.ref(atom)) for name, atom in self.known.copy().items())
@@ -140,7 +140,7 @@ CURLY: Final = Atom("{}")
 
 
 def deref(term: Term) -> Term:
-    """The term a chain of bound variables leads to."""
+    """Return the term that a chain of bound variables leads to."""
     while type(term) is Var:
         ref = term.ref
         if ref is None:
@@ -150,23 +150,23 @@ def deref(term: Term) -> Term:
 
 
 def make_list(items: Iterable[Term], tail: Term = NIL) -> Term:
-    """The Prolog list of `items`, ending in `tail`."""
+    """Return the Prolog list of `items`, ending in `tail`."""
     result = tail
     for item in reversed(list(items)):
         result = Struct(".", (item, result))
     return result
 
 
-# A walk of fewer compound terms may do without remembering where it was.
+# A walk over fewer compound terms need not remember them.
 _FEW: Final = 500
 
 
 class CyclicTerm(ValueError):
-    """A term that contains itself has no end, so nothing finite can be made of it."""
+    """A term that contains itself is infinite, so nothing finite can be made of it."""
 
 
 def is_acyclic(root: Term) -> bool:
-    """Whether a term is finite: no part of it contains itself."""
+    """Return whether a term is finite: no part of it contains itself."""
     left = _FEW
     around = [root]
     while around and left:

@@ -21,7 +21,7 @@ _ESCAPES: Final = {
 _STEPS_OF_TASK: Final = 4
 _ARGUMENT: Final = 999
 _ANY: Final = 1200
-# So many tasks are done between two reports to the meter; from so many on, a term may be cyclic.
+# The number of tasks between two reports to the meter, and that from which on a term may be cyclic.
 _REPORT: Final = 1024
 _LONG: Final = 100_000
 
@@ -29,7 +29,7 @@ _Task = str | tuple[Term, int, int]
 
 
 def format_atom(name: str) -> str:
-    """The atom's text as it must be written to be read back: quoted where needed."""
+    """Return the atom's text as it can be read back: quoted if necessary."""
     if _PLAIN_ATOM.fullmatch(name) and not name.startswith("/*") and name != ".":
         return name
     if name[:1].isalpha() and name.isidentifier() and not (name[0].isupper() or name[0].istitle()):
@@ -55,7 +55,7 @@ def _quote(text: str, quote: str) -> str:
 
 
 def format_float(value: float) -> str:
-    """The shortest text that reads back as the same float; it always holds a dot."""
+    """Return the shortest text that reads back as the same float; it always holds a dot."""
     if math.isfinite(value):
         mantissa, _, exponent = repr(value).partition("e")
         if not exponent:
@@ -68,7 +68,7 @@ def format_float(value: float) -> str:
 
 
 def variable_name(variable: Var) -> str:
-    """A name that no other living variable has."""
+    """Return a name that no other living variable has."""
     return f"_G{id(variable) >> 4}"
 
 
@@ -86,14 +86,14 @@ def format_term(
     meter: Costs | None = None,
     most: int = 0,
 ) -> str:
-    """The text of a term.
+    """Return the text of a term.
 
     `max_depth` 0 means no bound; below it, subterms are written as ``...``. `variable_names` maps
     ``id(variable)`` to a name. `spacing` puts a space after the comma between arguments. A term above
     `priority` is bracketed. With `most`, a text of many more tokens ends in ``...``.
 
     Raises:
-        CyclicTerm: The term has no end.
+        CyclicTerm: The term is infinite.
         LimitExceeded: Writing it goes beyond the limits that `meter` keeps.
 
     Source: ISO 13211-1 7.10.5 with Cor.2.
@@ -157,12 +157,12 @@ class _Writer:
         return "".join(self.pieces)
 
     def _weigh(self, size: int) -> None:
-        """Make sure that there is room for a text."""
+        """Check that there is memory for a text."""
         if self.meter is not None:
             self.meter.text(size)
 
     def _report(self, steps: int, term: Term) -> None:
-        """Account for steps, and make sure once that a long walk has an end."""
+        """Account for steps, and check once that a long walk is finite."""
         if self.meter is not None:
             self.meter.spend(_STEPS_OF_TASK * steps)
         before, self.done = self.done, self.done + steps
@@ -170,7 +170,7 @@ class _Writer:
             raise CyclicTerm("the term contains itself")
 
     def _emit(self, token: str) -> None:
-        """Append a token, with a space before it where it would run into the one before."""
+        """Append a token, after a space if it would run into the previous one."""
         if not token:
             return
         last, first = self.last, token[0]
@@ -191,7 +191,7 @@ class _Writer:
             else:
                 self._compound(term, priority, depth)
         elif isinstance(term, Atom):
-            # A message needs no more of a long name than its beginning.
+            # A message needs only the beginning of a long name.
             self._emit(style.atom(term.name[:_LONG] if self.most else term.name))
         elif isinstance(term, Var):
             self._emit(style.names.get(id(term)) or variable_name(term))
@@ -207,7 +207,7 @@ class _Writer:
             self._emit(_quote(text, '"') if style.quoted else text)
 
     def _operand(self, term: Term, priority: int, depth: int) -> _Task:
-        """The task of writing an operand; an atom that is an operator stands in brackets there (6.3.1.3)."""
+        """Return the task of writing an operand; an operator as an atom is bracketed there (6.3.1.3)."""
         term = deref(term)
         if isinstance(term, Atom) and self.style.operators.is_operator(term.name):
             return f"({self.style.atom(term.name)})"
@@ -237,7 +237,7 @@ class _Writer:
             self._canonical(name, args, depth)
 
     def _canonical(self, name: str, args: tuple[Term, ...], depth: int) -> None:
-        """functor(argument, ...)"""
+        """Write functor(argument, ...)."""
         tasks = self.tasks
         tasks.append(")")
         for index in range(len(args) - 1, 0, -1):
@@ -247,7 +247,7 @@ class _Writer:
         tasks.append(self.style.atom(name) + "(")
 
     def _list(self, cell: Struct, depth: int) -> None:
-        """[item, ... | tail]; `max_depth` bounds the number of items too."""
+        """Write [item, ... | tail]; `max_depth` bounds the number of items, too."""
         work: list[_Task] = ["["]
         limit = self.style.max_depth
         tail: Term = cell
@@ -290,7 +290,7 @@ class _Writer:
         self._bracketed(priority, own, work)
 
     def _prefix(self, name: str, argument: Term, priority: int, depth: int) -> None:
-        """A number after a minus goes in brackets, since ``- 1`` reads as a number."""
+        """Write a prefix operator; a number after a minus is bracketed, since ``- 1`` reads as a number."""
         own, maximum = self.style.operators.prefix[name]
         token = self.style.atom(name)
         argument = deref(argument)
@@ -310,9 +310,9 @@ class _Writer:
         self._bracketed(priority, own, [self._operand(argument, maximum, depth), self.style.atom(name)])
 
     def _limit(self, operand: Term, maximum: int, priority: int) -> int:
-        """The highest priority at which an operand before an operator may stand without brackets.
+        """Return the highest priority of an operand before an operator without brackets.
 
-        It is 0 where the operator would be read as part of the operand's last operand, as in ``(fy 1)yf``.
+        It is 0 if the operator would be read as part of the operand's last operand, as in ``(fy 1)yf``.
         """
         operators = self.style.operators
         term, own_maximum = deref(operand), maximum
@@ -333,7 +333,7 @@ class _Writer:
         return maximum
 
     def _opening(self, term: Term, maximum: int) -> str:
-        """What the text of an operand begins with: ``(``, ``0`` for any digit, or nothing of note."""
+        """Return the beginning of an operand's text: ``(``, ``0`` for any digit, or nothing relevant."""
         operators = self.style.operators
         whole = term
         while isinstance(term, Struct):
@@ -353,7 +353,7 @@ class _Writer:
         return "0" if isinstance(term, int) and term >= 0 else ""
 
     def _left_operand(self, term: Struct) -> Term | None:
-        """The first operand of a compound written with an infix or postfix operator, else None."""
+        """Return the first operand of a compound written with an infix or postfix operator, else None."""
         style, name, arity = self.style, term.name, len(term.args)
         if style.ignore_ops or (name == "." and arity == 2) or (name == "{}" and arity == 1):
             return None
@@ -365,7 +365,7 @@ class _Writer:
 
 
 def _run_together(last: str, first: str) -> bool:
-    """Whether two tokens, one ending in `last` and the next beginning with `first`, would read as one."""
+    """Return whether two tokens, with the characters `last` and `first` between, read as one."""
     if last.isalnum() or last == "_":
         return first.isalnum() or first == "_" or (first == "'" and last.isdigit())
     if last in _SYMBOL:
