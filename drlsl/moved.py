@@ -72,7 +72,7 @@ _CAME_FROM: Final = {
 """By package, the modules of 0.1, without `drlsl.`, whose work it does now."""
 
 MOVED: Final = {f"drlsl.{old}": home for home, modules in _CAME_FROM.items() for old in modules.split()}
-"""By old name, the package that offers now what the module did."""
+"""The present package of each module, by its old name."""
 
 
 class _Signpost(MetaPathFinder):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -14,6 +15,25 @@ from tests.installed import needs_torch
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+
+
+QUESTION_WORDS = ("What", "Who", "Whose", "Which", "Where", "When", "How", "Why", "Whether", "That")
+
+
+def question_words(text: str) -> list[str]:
+    """The docstrings that begin with a question word instead of a verb or a noun."""
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, documented)]
+    docstrings = [ast.get_docstring(node) or "" for node in nodes]
+    return [text for text in docstrings if re.match(rf"({'|'.join(QUESTION_WORDS)})\b", text)]
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
+    """Ruff's D401 sees most functions; modules, classes and properties are looked at here."""
+    assert question_words('class A:\n    @property\n    def b(self): "How many."\n') == ["How many."]
+    sources = sorted((ROOT / "drlsl").rglob("*.py*"))
+    texts = {path: path.read_text(encoding="utf-8") for path in sources if path.suffix in (".py", ".pyi")}
+    assert {path.name: found for path, text in texts.items() if (found := question_words(text))} == {}
 
 
 def test_the_reference_of_the_commands_is_current() -> None:

@@ -121,7 +121,7 @@ def decision_problem(shield: Shield, case: Case) -> str | None:
 
 
 def failure_problem(case: Case, failure: str | None) -> str | None:
-    """What is wrong with a decision that fails, or does not: None."""
+    """Return the problem with a decision's failure, or with a decision (None) where one was expected."""
     wanted = "a decision" if case.fails is None else f"the failure {case.fails!r}"
     if failure is None:
         return None if case.fails is None else f"expected {wanted}, got a decision"

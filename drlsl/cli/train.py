@@ -87,8 +87,9 @@ def train(
 ) -> None:
     """Train an agent in recorded traffic.
 
-    Settings come from the preset, then --config, then --set, then the other flags; the later wins.
-    Ctrl-C ends the run with a checkpoint; --resume continues it with the same result as an unbroken run.
+    Settings come from the preset, then --config, then --set, then the other flags; later ones take
+    precedence. Ctrl-C ends the run with a checkpoint; --resume continues it with the same result as an
+    unbroken run.
     """
     flags = {
         "env.recording": recording,

@@ -82,7 +82,7 @@ class PrologError(Exception):
         return deref(ball.args[0]) if isinstance(ball, Struct) and ball.name == "error" else ball
 
     def message(self) -> str:
-        """What went wrong, without where."""
+        """Return the error without its place."""
         if self.words:
             return self.words.format(*map(self._part, range(3)))
         return f"uncaught exception: {_show(self.term)}"

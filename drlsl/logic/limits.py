@@ -30,11 +30,11 @@ class Limits:
         seconds: wall-clock time spent searching [s], checked every hundred inferences, or five hundred where
             they are quick, and before an operation that cannot be interrupted is begun, by an estimate of how
             long that will take.
-        depth: calls waiting for an inner one to end, checked every few thousand inferences. trail: bindings
-        that backtracking would have to undo and choice points it could go back to, together. memory: by how
-        much the process may grow while the query runs [bytes]. If the system reports the memory
-            of the process (Linux), that counts, whatever allocated it, to within some 20 MB; elsewhere its
-            highest value so far, or on Windows only what builtins are about to create.
+        depth: calls waiting for an inner one to end, checked every few thousand inferences.
+        trail: bindings that backtracking would have to undo, and choice points, together.
+        memory: by how much the process may grow while the query runs [bytes]. If the system reports the
+            memory of the process (Linux), that counts, whatever allocated it, to within some 20 MB; elsewhere
+            its highest value so far, or on Windows only what builtins are about to create.
     """
 
     inferences: int | None = None

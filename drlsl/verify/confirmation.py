@@ -94,7 +94,7 @@ class Replay:
     def breaks(
         self, scene: Scene, focus: str, unknowns: Mapping[str, float] | None = None
     ) -> Counterexample | None:
-        """The counterexample that a scene is, with these unknown numbers, if all tiers say so."""
+        """Return the counterexample of a scene and unknown numbers, if all tiers confirm it."""
         facts = facts_of(scene)
         facts[FOCUS.name, FOCUS.arity] = [(focus,)]
         facts.update({(name, 1): [(value,)] for name, value in (unknowns or {}).items()})

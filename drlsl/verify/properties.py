@@ -74,8 +74,8 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     """Load rules, by default highway.pl, and properties, by default properties.pl.
 
     Raises:
-        UserError: a file cannot be read or has no property, or rules and properties define the same
-        predicate. PrologError: a file is not a valid program.
+        UserError: a file cannot be read or has no property, or both define the same predicate.
+        PrologError: a file is not a valid program.
     """
     engine = consult_sealed(rules or default_rules(), properties or (default_properties(),))
     declared = _declared(engine)

@@ -304,14 +304,14 @@ def test_values_of_another_kind(scene: Facts) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("p(X) :- q(X, 1). q(X, N) :- q(X, N).", "recursion"),
-        ("p(X) :- q(X, 1). q(X, N) :- M is N + 1, q(X, M).", "recursion"),
+        ("p(X) :- q(X, 1). q(X, N) :- q(X, N).", "recursively"),
+        ("p(X) :- q(X, 1). q(X, N) :- M is N + 1, q(X, M).", "recursively"),
         ("p(X) :- car(_, _, X), write(X).", "it calls write/1"),
         ("p(X) :- atom_length(abc, X).", "it calls atom_length/2"),
         ("p(X) :- X is random(3).", "random/1"),
         ("p(X) :- X is inf.", "inf"),
         (":- table p/1. p(X) :- p(X). p(1).", "it is tabled"),
-        ("p(X) :- aggregate_all(r(set(Y)), car(_, _, Y), r([X|_])).", "no aggregate, or set/1"),
+        ("p(X) :- aggregate_all(r(set(Y)), car(_, _, Y), r([X|_])).", "not an aggregate, or set/1"),
         (":- dynamic(seen/1). p(X) :- seen(X).", "seen/1 is dynamic"),
         ("p(X) :- car(_, _, _), ( car(_, 1, X), ! ; X = 1 ).", "cut inside a disjunction"),
         ("p(_).", "unbound variable"),

@@ -157,7 +157,7 @@ def test_a_counterexample_has_the_unknowns_that_its_property_speaks_of(tmp_path:
         ("unknown(time_step, 0, 1, 'x').", "the name is taken"),
         ("unknown(speed, 0, 1, 'x').", "the name is taken"),
         ("unknown(way, 2, 1, 'x').", "expected two numbers, the lower first"),
-        ("unknown(way, 0, 1, 'x'). unknown(way, 0, 2, 'x').", "more than once, with unlike"),
+        ("unknown(way, 0, 1, 'x'). unknown(way, 0, 2, 'x').", "more than once, with different"),
         ("unknown(way, 0, 1, 'x'). way(3.0).", "way/1 has clauses"),
     ],
 )

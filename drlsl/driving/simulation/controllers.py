@@ -31,7 +31,7 @@ LANE_INTEGRAL_BAND: Final = 0.5
 
 @dataclass
 class _Controller:
-    """What the two controllers remember: the integral of the error, shape (N,)."""
+    """The memory of both controllers: the integral of the error, shape (N,)."""
 
     integral: Floats
 

@@ -128,7 +128,7 @@ def members(term: Term) -> Iterator[Term]:
 
 
 def indicators(term: Term) -> list[tuple[str, int]]:
-    """The name and arity of each predicate indicator in a conjunction or list of them."""
+    """Return the name and arity of each predicate indicator in a conjunction or list of them."""
     return [indicator(one) for one in members(term)]
 
 

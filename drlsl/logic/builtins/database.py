@@ -51,7 +51,7 @@ def name_term(name: str, arity: int) -> Struct:
 
 
 def split_clause(term: Term, meter: Meter | None = None) -> tuple[Term, Term]:
-    """The head and the body of a clause; a variable as a goal becomes ``call(Variable)``.
+    """Return the head and the body of a clause; a variable as a goal becomes ``call(Variable)``.
 
     Raises:
         InstantiationError, PrologTypeError: As assertz/1 does. Source: ISO 13211-1, 8.9.2.3.
@@ -65,7 +65,7 @@ def split_clause(term: Term, meter: Meter | None = None) -> tuple[Term, Term]:
 
 
 def _parts(term: Term) -> tuple[Term, Term]:
-    """What stands on either side of the neck; a fact has the body true."""
+    """Return the terms on either side of the neck; a fact has the body true."""
     term = unqualified(term)
     if type(term) is Struct and term.name == ":-" and len(term.args) == 2:
         return unqualified(term.args[0]), deref(term.args[1])
@@ -97,7 +97,7 @@ def _with_calls_inside(goal: Term) -> Deep[Term]:
 
 
 def _to_add(machine: Caller, term: Term) -> tuple[Clause, Predicate]:
-    """A new clause, and the predicate that it is to be a clause of."""
+    """Return a new clause, and its predicate."""
     copied = copy_term(term, meter=machine.meter)
     if not is_acyclic(copied):
         raise representation_error("acyclic_term")

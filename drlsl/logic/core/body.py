@@ -111,10 +111,10 @@ class Code:
     """The prepared form of a clause.
 
     Attributes:
-        head: the patterns of the head, each with the position of its argument. blanks: the part of a frame
-        after the arguments. guard: the deterministic builtins at the beginning of the body, run before a
-        choice point for the other
-            clauses is made.
+        head: the patterns of the head, each with the position of its argument.
+        blanks: the part of a frame after the arguments.
+        guard: the deterministic builtins at the beginning of the body, run before a choice point for the
+            other clauses is made.
         commits: whether a cut follows them.
         body: the rest.
     """
@@ -353,15 +353,15 @@ class BodyCompiler:
         self.barriers = 0
 
     def compile(self, body: Goal) -> Node:
-        """The nodes of a body.
+        """Return the nodes of a body.
 
         Raises:
             PrologTypeError: The body is not callable. Source: ISO 13211-1, 7.6.2.
         """
         if type(body) is NotCallable:
             raise type_error("callable", body.term)
-        # From the last goal to the first, since a node needs the one that follows it. What is still to do is
-        # a goal, or what to make of the nodes of the goals behind it.
+        # From the last goal to the first, since a node needs the one that follows it. Each item to do is a
+        # goal, or the use of the nodes of the goals after it.
         following = PROCEED_NODE
         if type(body) is Call:
             return self._call(body.name, body.args, following)
@@ -384,7 +384,7 @@ class BodyCompiler:
         return (0 if self._slots is None else self._slots.size) + self.barriers
 
     def _control(self, goal: Goal, following: Node, todo: list[Goal | _Step]) -> Node:
-        """The node that a control construct goes on with; what comes before it is `todo`."""
+        """Return the node that continues a control construct; the goals before it go to `todo`."""
         match goal:
             case Truth(holds):
                 return following if holds else FAIL_NODE
@@ -421,8 +421,8 @@ class BodyCompiler:
         *,
         soft: bool = False,
     ) -> None:
-        """If-then-else: the nodes of `otherwise`, of `then`, and of the condition before it."""
-        # Barriers lie behind the variables, whose number is only known at the end: count them down from -1.
+        """Add an if-then-else to `todo`; a cut in the condition is local."""
+        # Barriers come after the variables, whose number is only known at the end: count them down from -1.
         self.barriers += 1
         node = Node(BRANCH, None, self._clause)
         node.slot = -self.barriers
@@ -456,10 +456,10 @@ class BodyCompiler:
 
 
 class _Step:
-    """What to make of the nodes of the goals just compiled.
+    """The use of the nodes of the goals just compiled.
 
-    With `following` they are what a node has as the `other` way, and `following` is what comes behind the
-    goals that are next; without it they come behind the node.
+    With `following` they become a node's `other` way, and `following` is what comes after the next goals;
+    without it they come after the node.
     """
 
     __slots__ = ("following", "node")
@@ -469,7 +469,7 @@ class _Step:
         self.following = following
 
     def take(self, nodes: Node) -> Node:
-        """Link the nodes; returns what follows the goals that are compiled next."""
+        """Link the nodes; return what follows the goals that are compiled next."""
         if self.following is None:
             self.node.next = nodes
             return self.node

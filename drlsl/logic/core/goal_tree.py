@@ -1,8 +1,8 @@
-"""What a body says: its control constructs, read once into a tree of typed goals.
+"""The control constructs of a body, read once into a tree of typed goals.
 
 Solver, compiler, proofs, lowering and coverage all read this tree, so a control construct has one meaning. A
-new one is a row of `CONSTRUCTS` if the others can say what it means; otherwise it is a class besides, a part
-of `Goal`, and the type checker names the readers that do not know it yet.
+new one is a row of `CONSTRUCTS` if the others can express its meaning; otherwise it is a further class, a
+part of `Goal`, and the type checker lists the readers that do not know it yet.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from drlsl.logic.limits import Meter
 from drlsl.logic.syntax import ReadTerm, Span
 from drlsl.logic.terms import TRUE, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
 
-# After so many control constructs, a body is looked at, to be sure that it has an end.
+# After this many control constructs, a body is checked, to be sure that it is finite.
 _MANY: Final = 20_000
-# A goal takes as much time and room as so many cells of a list.
+# A goal takes as much time and memory as this many cells of a list.
 _CELLS_OF_GOAL: Final = 4
 
 
 class Barrier:
-    """What a cut cuts back to: the beginning of a clause, a condition or a goal that is called."""
+    """The target of a cut: the beginning of a clause, a condition or a called goal."""
 
     __slots__ = ()
 
 
 CLAUSE: Final = Barrier()
-"""The beginning of the clause, or of the goal that is asked."""
+"""The beginning of the clause, or of the queried goal."""
 
 
-# Of every goal, `term` is how it is written and `place` where, if its clause's places are known.
+# In every goal, `term` is its written form and `place` its position, if its clause's positions are known.
 
 
 class Call(NamedTuple):
@@ -60,7 +60,7 @@ class Cut(NamedTuple):
 
 
 class Conjunction(NamedTuple):
-    """Goals one after the other, two at least; none of them is a conjunction itself."""
+    """Two or more goals one after the other; none of them is a conjunction itself."""
 
     goals: tuple[Goal, ...]
     term: Term
@@ -89,7 +89,7 @@ class IfThenElse(NamedTuple):
 
 
 class Negation(NamedTuple):
-    """``\\+ G``: holds, binding nothing, where the goal has no solution."""
+    """``\\+ G``: holds, without bindings, if the goal has no solution."""
 
     goal: Goal
     barrier: Barrier
@@ -98,7 +98,7 @@ class Negation(NamedTuple):
 
 
 class Opaque(NamedTuple):
-    """``call(G)``: the goal, in which a cut cuts the goal alone."""
+    """``call(G)``: the goal, in which a cut is local."""
 
     goal: Goal
     barrier: Barrier
@@ -107,7 +107,7 @@ class Opaque(NamedTuple):
 
 
 class Findall(NamedTuple):
-    """``findall(Template, G, L)``: L is the list of what the template is in each solution of the goal."""
+    """``findall(Template, G, L)``: L is the list of the template's instances, one for each solution."""
 
     template: Term
     goal: Goal
@@ -118,7 +118,7 @@ class Findall(NamedTuple):
 
 
 class Derived(NamedTuple):
-    """A construct that others define: its goals as they are written, and what it means."""
+    """A construct defined by others: its goals as written, and its meaning."""
 
     goals: tuple[Goal, ...]
     meaning: Goal
@@ -127,7 +127,7 @@ class Derived(NamedTuple):
 
 
 class NotCallable(NamedTuple):
-    """A term that is no goal: an error once it is reached. Source: ISO 13211-1, 7.6.2."""
+    """A term that is not a goal: an error once it is reached. Source: ISO 13211-1, 7.6.2."""
 
     term: Term
     place: Span | None
@@ -152,7 +152,7 @@ FAILURE: Final = Truth(False, Atom("fail"), None)
 
 
 class _Parts(NamedTuple):
-    """What a construct is made of: its goals, and what the cuts in those that have cuts of their own cut."""
+    """The parts of a construct: its goals, and the barriers of those with local cuts."""
 
     term: Struct
     place: Span | None
@@ -161,10 +161,10 @@ class _Parts(NamedTuple):
 
 
 class Construct(NamedTuple):
-    """A control construct: which arguments are goals, and how it is read.
+    """The definition of a control construct: which arguments are goals, and how it is read.
 
-    A cut in one of the arguments `local` cuts that goal alone. Where all of them are `called`, what a
-    variable in them is bound to by then is part of the goal, and a goal that is none is an error once it is
+    A cut in one of the arguments `local` is local to that goal. If all of them are `called`, the bindings of
+    their variables at that time are part of the goal, and a term that is not a goal is an error once it is
     reached.
     """
 
@@ -242,12 +242,12 @@ CONSTRUCTS: Final[dict[tuple[str, int], Construct]] = {
     ("ignore", 1): Construct((0,), (0,), True, _derived(_ignore)),
     ("forall", 2): Construct((0, 1), (0, 1), True, _derived(_forall)),
 }
-"""Every control construct but the conjunction, by name and arity."""
+"""Every control construct except the conjunction, by name and arity."""
 
 CONNECTIVES: Final = frozenset(
     {",", *(name for (name, _), construct in CONSTRUCTS.items() if not construct.called)}
 )
-"""The names, of arity 2, of what joins goals to a body."""
+"""The names of the connectives, all of arity 2, that join goals to a body."""
 
 _CONTROL: Final = frozenset({(",", 2), *CONSTRUCTS})
 
@@ -264,11 +264,11 @@ GOAL_ARGUMENTS: Final[dict[tuple[str, int], tuple[int, ...]]] = {
     ("call_cleanup", 2): (0, 1),
     ("setup_call_cleanup", 3): (0, 1, 2),
 } | {key: construct.places for key, construct in CONSTRUCTS.items()}
-"""Of control constructs and of builtins that call what they are given as it stands: the places of goals."""
+"""The places of goals in control constructs, and in builtins that call an argument unchanged."""
 
 
 class _Region:
-    """What connectives join to one goal that is called, or to a body."""
+    """The goals that connectives join to one called goal, or to a body."""
 
     __slots__ = ("has_variable", "is_callable")
 
@@ -278,7 +278,7 @@ class _Region:
 
 
 class _Join(NamedTuple):
-    """A construct whose goals are being read: they are those from `start` on."""
+    """A construct whose goals are being read: those from `start` on."""
 
     construct: Construct | None  # None for a conjunction
     term: Struct
@@ -288,7 +288,7 @@ class _Join(NamedTuple):
     regions: Sequence[_Region]
 
     def joined(self, goals: list[Goal]) -> Goal:
-        """The construct of these goals."""
+        """Return the construct of these goals."""
         if self.construct is None:
             return Conjunction(tuple(goals), self.term, self.place)
         for index, region in enumerate(self.regions):
@@ -306,7 +306,7 @@ _Part: TypeAlias = "tuple[Term, Barrier, _Region, Span | None]"
 
 
 class _Reading:
-    """A body that is being read: what is still to do, and the goals that wait to be joined."""
+    """A body being read: the parts still to read, and the goals that wait to be joined."""
 
     __slots__ = ("_body", "_done", "_met", "_meter", "_origin", "todo")
 
@@ -319,7 +319,7 @@ class _Reading:
         self.todo: list[_Part | _Join] = []
 
     def run(self) -> Goal:
-        """The goal that all there is to do comes to."""
+        """Return the goal of all that is to be read."""
         done, todo = self._done, self.todo
         while todo:
             entry = todo.pop()
@@ -356,7 +356,7 @@ class _Reading:
         return self._origin.place(term, index) or place
 
     def _conjunction(self, term: Struct, barrier: Barrier, region: _Region, place: Span | None) -> None:
-        """Have every goal of a conjunction read, however it is bracketed."""
+        """Read every goal of a conjunction, however it is bracketed."""
         parts: list[_Part] = []
         commas = 0
         open_: list[tuple[Term, Span | None]] = [(term, place)]
@@ -381,7 +381,7 @@ class _Reading:
         self.todo += parts
 
     def _construct(self, term: Struct, barrier: Barrier, region: _Region, place: Span | None) -> None:
-        """Have the goals of another control construct read."""
+        """Read the goals of another control construct."""
         construct = CONSTRUCTS[term.name, len(term.args)]
         self._meet(1)
         barriers: list[Barrier] = []
@@ -404,9 +404,9 @@ class _Reading:
 def read_body(
     body: Term, place: Span | None = None, origin: ReadTerm | None = None, meter: Meter | None = None
 ) -> Goal:
-    """Read a body, or a goal that is called; one that joins what is no goal is `NotCallable` as a whole.
+    """Read a body, or a called goal; one that joins a term that is not a goal is `NotCallable` as a whole.
 
-    Goals stand at `place`, or more exactly where `origin`, the term that the body is part of, knows it.
+    The goals' position is `place`, or a more exact one if `origin`, the term around the body, knows it.
 
     Raises:
         CyclicTerm: The body has no end.
@@ -425,7 +425,7 @@ def read_body(
 
 
 def _leaf(part: _Part) -> Goal | None:
-    """A goal that is made of no others; None for a control construct."""
+    """Return a goal without inner goals; None for a control construct."""
     term, barrier, region, place = part
     term = deref(term)
     kind = type(term)
@@ -455,12 +455,12 @@ def _atomic(goal: Atom, barrier: Barrier, place: Span | None) -> Goal:
 
 
 def conjuncts(goal: Goal) -> tuple[Goal, ...]:
-    """The goals that a goal joins by conjunction."""
+    """Return the goals of a conjunction, with derived constructs replaced by their meaning."""
     return goal.goals if type(goal) is Conjunction else (goal,)
 
 
 def steps(body: Goal) -> tuple[Goal, ...]:
-    """The goals that a conjunction joins, those that others define as what they mean."""
+    """Return the goals that a conjunction joins, those that others define as what they mean."""
     goals = conjuncts(body)
     if any(type(goal) is Derived for goal in goals):
         return tuple(goal.meaning if type(goal) is Derived else goal for goal in goals)
@@ -468,7 +468,7 @@ def steps(body: Goal) -> tuple[Goal, ...]:
 
 
 def cuts(goal: Goal, barrier: Barrier = CLAUSE) -> bool:
-    """Whether a goal has a cut in it back to a barrier."""
+    """Return whether a goal has a cut in it back to a barrier."""
     todo = [goal]
     while todo:
         part = todo.pop()
@@ -479,7 +479,7 @@ def cuts(goal: Goal, barrier: Barrier = CLAUSE) -> bool:
 
 
 def inside(goal: Goal) -> tuple[Goal, ...]:
-    """The goals that a goal is made of."""
+    """Return the goals inside a goal."""
     kind = type(goal)
     if kind is Call or kind is Truth or kind is Cut or kind is NotCallable:
         return ()
@@ -498,7 +498,7 @@ def inside(goal: Goal) -> tuple[Goal, ...]:
 
 
 def joined(body: Term, meter: Meter | None = None) -> list[Term]:
-    """What the connectives of a body join, dereferenced.
+    """Return the goals joined by the connectives of a body, dereferenced.
 
     Raises:
         CyclicTerm: The body has no end.
@@ -522,7 +522,7 @@ def joined(body: Term, meter: Meter | None = None) -> list[Term]:
 
 
 def check_body(goals: Sequence[Term], body: Term) -> None:
-    """Make sure that what a body joins can be called.
+    """Check that all joined goals of a body are callable.
 
     Raises:
         PrologTypeError: ``type_error(callable, Body)``. Source: ISO 13211-1, 7.6.2.
@@ -533,11 +533,11 @@ def check_body(goals: Sequence[Term], body: Term) -> None:
 
 
 def callable_parts(goal: Term) -> tuple[str, tuple[Term, ...]]:
-    """The name and the arguments of a goal.
+    """Return the name and the arguments of a goal.
 
     Raises:
         InstantiationError: The goal is a variable.
-        PrologTypeError: The goal is no callable term.
+        PrologTypeError: The goal is not callable.
     """
     goal = deref(goal)
     if type(goal) is Struct:

@@ -209,7 +209,7 @@ class Machine:
             raise first
 
     def call(self, goal: Term, continuation: Task) -> Task:
-        """The task that proves a goal, opaque to cuts, and then goes on with `continuation`."""
+        """Return the task that proves a goal, opaque to cuts, and then continues with `continuation`."""
         compiler = BodyCompiler(self.engine.linker.link, None)
         node = compiler.compile(read_body(goal, meter=self.meter))
         return run, node, [len(self.choices), continuation] + [None] * compiler.frame_size()

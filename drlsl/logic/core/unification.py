@@ -318,7 +318,7 @@ def unify_occurs(left: Term, right: Term, trail: Trail) -> bool:
 
 
 def is_ground(term: Term, meter: Meter | None = None) -> bool:
-    """Whether no unbound variable occurs in a term."""
+    """Return whether no unbound variable occurs in a term."""
     return next(_variables(term, meter), None) is None
 
 

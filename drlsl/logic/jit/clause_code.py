@@ -65,7 +65,7 @@ _PURE = frozenset(
 
 
 class Commit(NamedTuple):
-    """Where a condition has been proved: its choice points go, or that for the other branch if it is soft."""
+    """The end of a condition: its choice points are removed, or that of the other branch if it is soft."""
 
     height: Var
     soft: bool = False
@@ -124,7 +124,7 @@ class BodyEmitter:
         self._sequence(place, steps(body))
 
     def is_guard(self, goal: Goal) -> bool:
-        """Whether a goal is a test that is sure to bind nothing."""
+        """Return whether a goal is a test that is sure to bind nothing."""
         return self._is_simple(goal) and self._is_pure(goal)
 
     def emit_guarded(self, place: Place, clause: Clause, guard: Guard, height: Var) -> None:
@@ -151,12 +151,12 @@ class BodyEmitter:
         function.about(term, self._clause, scope)
 
     def _sequence(self, place: Place, goals: Sequence[Step]) -> None:
-        """Emit goals one after the other, and after the last of them the continuation."""
+        """Emit goals one after the other, followed by the continuation."""
         for index, goal in enumerate(goals):
             rest = goals[index + 1 :]
             self._about(place.function, goal, place.scope)
             if place.pending is not None and type(goal) is Cut:
-                # Nothing has been left to cut but the clauses not tried yet.
+                # There is nothing to cut but the untried clauses.
                 place.pending = None
                 place.fail = place.give_up
             elif type(goal) is Commit or self._is_inline(goal):  # type: ignore[arg-type]  # a goal
@@ -171,7 +171,7 @@ class BodyEmitter:
         place.function.emit(f"return {place.k}")
 
     def _continuation(self, place: Place, rest: Sequence[Step], k: str | None = None) -> str:
-        """The expression of a task that goes on with `rest`."""
+        """Return the expression of a task that continues with `rest`."""
         if not rest:
             return k or place.k
         function = self._module.function()
@@ -180,7 +180,7 @@ class BodyEmitter:
         return expression
 
     def _heights_of(self, goals: Iterable[Step], known: Container[Var]) -> list[Var]:
-        """The known variables with what the cuts in goals cut back to."""
+        """Return the known variables with what the cuts in goals cut back to."""
         found = {goal.height: None for goal in goals if type(goal) is Commit}
         todo = [goal for goal in goals if type(goal) is not Commit]
         while todo:
@@ -213,7 +213,7 @@ class BodyEmitter:
         return expression, Place(function, inner, lambda: function.emit("return FAIL"))
 
     def _choice(self, place: Place, goals: Sequence[Step], k: str) -> None:
-        """Emit a choice point that goes on with other goals."""
+        """Emit a choice point that continues with other goals."""
         function = self._module.function()
         expression, inner = self._capture(place, function, goals, k, first="len(trail)")
         place.function.emit(f"choices.append({expression})")
@@ -222,7 +222,7 @@ class BodyEmitter:
     # ------------------------------------------------------------------ goals that end the function
 
     def _leave(self, place: Place, goal: Goal, rest: Sequence[Step]) -> None:
-        """Emit a goal that needs a continuation, and what follows it."""
+        """Emit a goal that needs a continuation, and the goals after it."""
         match goal:
             case Call(name, args):
                 self._call(place, name, args, rest)
@@ -322,12 +322,12 @@ class BodyEmitter:
         place.function.emit(f"if {predicate}.rows is not None: return {loop.name}(m, ({call}))")
 
     def _shared(self, place: Place, term: Term, rest: Sequence[Step]) -> None:
-        """Make the variables that a control construct shares with what follows it."""
+        """Make the variables that a control construct shares with the goals after it."""
         following = set(variables_of(rest))
         ensure(place.function, place.scope, [each for each in term_variables(term) if each in following])
 
     def _joined(self, place: Place, goal: Disjunction | IfThenElse, rest: Sequence[Step]) -> Place:
-        """The place of the branches of a control construct, which go on with one continuation."""
+        """Return the place of the branches of a control construct, which go on with one continuation."""
         self._shared(place, goal.term, rest)
         if not rest:
             return replace(place)
@@ -353,13 +353,13 @@ class BodyEmitter:
             return
         # A cut in the condition leaves the choice point for the other branch.
         height = self._height(place, barrier, 1)
-        # What the condition binds for `then` must outlive the calls between them.
+        # Bindings of the condition for `then` must outlive the calls between them.
         self._shared(place, condition.term, [then])
         self._choice(place, steps(otherwise), place.k)
         self._sequence(replace(place, loop=None), [*steps(condition), Commit(height, soft), *steps(then)])
 
     def _height(self, place: Place, barrier: Barrier, above: int) -> Var:
-        """A variable whose local is the number of choice points here, which cuts leave and so many above."""
+        """Return a variable whose local is the number of choice points that cuts keep, here and `above`."""
         height = Var("Height")
         name = place.scope.names[height] = place.function.local("h")
         place.function.emit(f"{name} = len(choices)")
@@ -383,18 +383,18 @@ class BodyEmitter:
     # ------------------------------------------------------------------ goals in place
 
     def _is_inline(self, goal: Goal) -> bool:
-        """Whether a goal can be emitted in place."""
+        """Return whether a goal can be emitted in place."""
         if type(goal) is IfThenElse:
             parts = (*steps(goal.then), *steps(goal.otherwise))
             return not goal.soft and self._is_test(goal.condition) and all(map(self._is_inline, parts))
         return type(goal) is Cut or self._is_simple(goal)
 
     def _is_test(self, goal: Goal) -> bool:
-        """Whether a goal is a conjunction of simple ones."""
+        """Return whether a goal is a conjunction of simple ones."""
         return all(map(self._is_simple, steps(goal)))
 
     def _is_simple(self, goal: Goal) -> bool:
-        """Whether a goal is one test, unification or deterministic builtin."""
+        """Return whether a goal is one test, unification or deterministic builtin."""
         match goal:
             case Call(name, args):
                 return self._resolve(name, len(args))[0] == DET
@@ -435,7 +435,7 @@ class BodyEmitter:
         place.function.emit(f"if len(choices) > {left}: cut(m, {left})")
 
     def _inline_branches(self, place: Place, goal: IfThenElse, rest: Sequence[Step]) -> None:
-        """If-then-else whose parts are all in place: the code goes on behind it."""
+        """Emit an if-then-else whose parts are all in place: the code continues after it."""
         function, scope = place.function, place.scope
         following = set(variables_of(rest))
         escaping = [
@@ -468,7 +468,7 @@ class BodyEmitter:
     # ------------------------------------------------------------------ tests
 
     def _test(self, place: Place, goals: Sequence[Goal]) -> str:
-        """The lines before, and the expression of, a condition; it leaves no bindings when it is false."""
+        """Return the lines before a condition, and its expression; it leaves no bindings if it is false."""
         function = place.function
         if len(goals) == 1 and self._is_pure(goals[0]):
             return self._simple_test(place, goals[0])
@@ -485,7 +485,7 @@ class BodyEmitter:
         return result
 
     def _is_pure(self, goal: Goal) -> bool:
-        """Whether a simple goal is sure to bind nothing."""
+        """Return whether a simple goal surely binds nothing."""
         match goal:
             case Call(name, (_,)):
                 return name in _KINDS or name in _GROUPS or name in _PURE
@@ -494,7 +494,7 @@ class BodyEmitter:
         return type(goal) is Truth
 
     def _simple_test(self, place: Place, goal: Goal) -> str:
-        """The lines before, and the expression of, one simple goal."""
+        """Return the lines before, and the expression of, one simple goal."""
         function, scope = place.function, place.scope
         self._about(function, goal, scope)
         match goal:
@@ -546,10 +546,10 @@ class BodyEmitter:
         return f"unify({build(function, scope, left)}, {build(function, scope, right)}, trail)"
 
     def _negated_test(self, place: Place, goal: Negation) -> str:
-        """The expression of a negation; what it binds is undone either way."""
+        """Return the expression of a negation, whose bindings are always undone."""
         function = place.function
         goals = steps(goal.goal)
-        # Variables of outside that occur here first must exist outside too.
+        # Outer variables that occur here first must exist outside, too.
         ensure(function, place.scope, term_variables(goal.term))
         inner = replace(place, scope=place.scope.copy())
         if len(goals) == 1 and self._is_pure(goals[0]):
@@ -568,5 +568,5 @@ class BodyEmitter:
 
 
 def variables_of(goals: Sequence[Step]) -> list[Var]:
-    """The variables of goals, in order of appearance."""
+    """Return the variables of goals, in order of appearance."""
     return term_variables(make_list([goal.term for goal in goals if type(goal) is not Commit]))  # type: ignore[union-attr]

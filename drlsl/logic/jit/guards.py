@@ -1,8 +1,8 @@
-"""Clauses that tests choose: behind the test of one of them the others need not be left as a choice.
+"""Clauses that are chosen by tests: after the test of one, the others need no choice point.
 
-In ``max(X, Y, X) :- ...`` nothing of the kind can be said, since the head may bind. But where a head only
-names its arguments, tests at the beginning of the body look at what the call was given, and so do those of
-the clauses behind it: where ``X =< Y`` holds for one, ``X > Y`` fails for the other.
+This is impossible for ``max(X, Y, X) :- ...``, whose head may bind. But if a head only names its arguments,
+tests at the beginning of the body depend only on the call's arguments, and so do those of later clauses: if
+``X =< Y`` holds for one, ``X > Y`` fails for the other.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from drlsl.logic.core import Call, Clause, Cut, Goal, index_key, steps
 from drlsl.logic.terms import Struct, Term, Var, deref
 
-# What cannot hold where a test does.
+# The tests that cannot hold if a test holds.
 _EXCLUDED = {
     "<": (">=", ">", "=:=", "=="),
     ">": ("=<", "<", "=:=", "=="),
@@ -39,9 +39,9 @@ class Guard(NamedTuple):
 def guard_of(
     clauses: Sequence[Clause], bodies: Sequence[Goal], is_test: Callable[[Goal], bool]
 ) -> Guard | None:
-    """The guard of the first clause if its tests rule the others out.
+    """Return the first tests of a clause, and the goals after them, if the tests exclude the later clauses.
 
-    `is_test` tells whether a goal is sure to bind nothing. A cut behind the tests is left away: it has
+    `is_test` returns whether a goal surely binds nothing. A cut right after the tests is dropped: it has
     nothing to remove.
     """
     names = [deref(arg) for arg in clauses[0].args]
@@ -60,7 +60,7 @@ def guard_of(
 
 
 def _excludes(clause: Clause, test: Goal, other: Clause, against: Goal) -> bool:
-    """Whether a test of one clause holds only where one that another begins with fails."""
+    """Return whether another clause begins with a test that fails whenever this test of a clause holds."""
     if type(test) is not Call or type(against) is not Call:
         return False
     excluded = _EXCLUDED.get(test.name, ())
@@ -74,7 +74,7 @@ def _excludes(clause: Clause, test: Goal, other: Clause, against: Goal) -> bool:
 
 
 def _operand(term: Term, clause: Clause) -> Any:
-    """An argument or a constant that a test looks at, in words that two clauses share; None for any other."""
+    """Return a key for a test's argument or constant, equal in both clauses; None for other terms."""
     term = deref(term)
     if type(term) is Var:
         return next((at for at, arg in enumerate(clause.args) if deref(arg) is term), None)

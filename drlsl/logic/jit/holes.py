@@ -24,7 +24,7 @@ _TESTS = frozenset({"var", "nonvar", "integer", "float", "number", "atom", "atom
 
 
 def open_positions(clauses: Sequence[Clause], bodies: Sequence[Goal], key: tuple[str, int]) -> list[int]:
-    """The argument positions at which some clause makes a cell and leaves its tail to a last call."""
+    """Return the argument positions at which some clause makes a cell with its tail left to a last call."""
     return [
         position
         for position in range(1, key[1])
@@ -36,7 +36,7 @@ def open_positions(clauses: Sequence[Clause], bodies: Sequence[Goal], key: tuple
 
 
 def keeps_open(clause: Clause, body: Goal, position: int, key: tuple[str, int]) -> bool:
-    """Whether a clause only hands the place of its argument, or of that cell's tail, on to a last call."""
+    """Return whether a clause only passes its argument's place, or that cell's tail, to a last call."""
     last = _last_call(body, key)
     if last is None:
         return False
@@ -54,7 +54,7 @@ def _extends(clause: Clause, position: int) -> bool:
 
 
 def _last_call(body: Goal, key: tuple[str, int]) -> Call | None:
-    """The last goal if it calls the predicate itself and nothing before it can look into a term."""
+    """Return the last goal if it calls the predicate itself and no earlier goal can inspect a term."""
     *before, last = conjuncts(body)
     if type(last) is Call and (last.name, len(last.args)) == key and all(map(_is_blind, before)):
         return last
@@ -62,7 +62,7 @@ def _last_call(body: Goal, key: tuple[str, int]) -> Call | None:
 
 
 def _is_blind(goal: Goal) -> bool:
-    """Whether a goal looks at numbers and types alone."""
+    """Return whether a goal inspects only numbers and types."""
     match goal:
         case Call(name, (_,)):
             return name in _TESTS

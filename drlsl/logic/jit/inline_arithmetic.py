@@ -102,7 +102,7 @@ def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fa
 
 
 def emit_comparison(function: Function, scope: Scope, name: str, args: Sequence[Term]) -> str:
-    """The lines before, and the test for, an arithmetic comparison."""
+    """Return the lines before, and the test for, an arithmetic comparison."""
     left, right = (emit_value(function, scope, arg) for arg in args)
     test = f"{left} {COMPARISONS[name]} {right}"
     if all(_is_integer(part, scope) for part in (left, right)) or any(map(_is_exact, (left, right))):

@@ -123,7 +123,7 @@ class _PredicateCompiler:
         function.emit(f"return m.rest(({', '.join(['entry, 0, None', *self._args, 'k'])}))")
 
     def _guards(self) -> list[Guard | None] | None:
-        """What the clauses but the last begin with, if that alone decides between them."""
+        """Return the first tests of all clauses but the last, if they alone decide between them."""
         guards: list[Guard | None] = []
         for number in range(len(self._clauses) - 1):
             guard = guard_of(self._clauses[number:], self._bodies[number:], self._emitter.is_guard)
@@ -237,7 +237,7 @@ class _PredicateCompiler:
     # ------------------------------------------------------------------ clauses
 
     def _only_clause(self, number: int, *, first_known: bool = False, guard: Guard | None = None) -> None:
-        """A clause without alternatives, or with none once its guard holds: its failure is the call's."""
+        """Emit a clause without alternatives: its failure is the call's."""
         function, clause, args = self._function, self._clauses[number], self._args
         height = Var("Height")
         scope = Scope({height: "h"})

@@ -106,7 +106,7 @@ class Attack:
     reason: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """The attack as `--json` prints it."""
+        """Return the attack as `--json` prints it."""
         values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "hit"}
         return values | {"seconds": round(self.seconds, 3), "reason": self.reason or None}
 

@@ -60,7 +60,7 @@ class _Places:
         self.lane = self._lanes(layout, drawn)
 
     def _lanes(self, layout: Layout, drawn: Drawn) -> Integers:
-        """The lane that holds each centre, 0 for none; on the line between two, either."""
+        """Return the lane that holds each centre, 0 for none; on the line between two, either."""
         half = self.widths / 2
         inside = np.abs(self.y[:, 1:, None] - self.centres[:, None, :]) <= half[:, None, :]
         there = np.arange(1, half.shape[1] + 1) <= layout.lanes[drawn.case][:, None]

@@ -107,7 +107,7 @@ class Layout:
         return np.where(fits, grains[0], low), np.where(fits, grains[1], np.maximum(low, high))
 
     def _specials(self, constants: Sequence[float]) -> tuple[Floats, Integers]:
-        """Numbers that are tried often, by column, and how many each column has: its ends and constants."""
+        """Return special numbers by column, its ends and constants, and their count for each column."""
         rows = []
         for kind, low, high in zip(self.kinds, self.low, self.high, strict=True):
             usual = [float(TYPICAL[kind])] if kind in TYPICAL else []
@@ -198,7 +198,7 @@ def draw(layout: Layout, rng: np.random.Generator, count: int) -> Drawn:
 
 
 def specials(layout: Layout, rng: np.random.Generator, columns: Integers) -> Floats:
-    """Draw a special number for each of these columns: an end, a constant, or one near by."""
+    """Draw a special number for each of these columns: an end, a constant, or one close to it."""
     table, counts = layout.specials
     size = columns.shape
     value = table[columns, (rng.random(size) * counts[columns]).astype(np.int64)]

@@ -72,7 +72,7 @@ def _chosen(layout: Layout, rng: np.random.Generator, drawn: Drawn, relevant: Ma
 def _moved(
     layout: Layout, rng: np.random.Generator, scenes: Drawn, rows: Integers, columns: Integers
 ) -> Floats:
-    """New values for numbers of scenes."""
+    """Return new values for numbers of scenes."""
     value = scenes.numbers[rows, columns]
     size = value.shape
     sign = rng.choice([-1.0, 1.0], size=size)

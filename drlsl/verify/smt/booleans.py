@@ -128,7 +128,7 @@ def holds(
     flags: Mapping[str, bool],
     products: Mapping[Monomial, Fraction] | None = None,
 ) -> bool:
-    """Whether a formula is true of these numbers; `products` may be numbers of their own."""
+    """Return whether a formula is true for these numbers; `products` may be numbers of their own."""
     if truth.op in ("true", "false"):
         return truth.op == "true"
     if truth.op == "not":

@@ -81,7 +81,7 @@ def evaluate(
     numbers: Mapping[int, Fraction],
     products: Mapping[Monomial, Fraction] | None = None,
 ) -> Fraction:
-    """The value of a polynomial for these values of its unknowns; `products` may be numbers of their own."""
+    """Return the value of a polynomial for these values of its unknowns, and perhaps of its products."""
     total = Fraction(0)
     for monomial, factor in polynomial.terms.items():
         known = products.get(monomial) if products else None

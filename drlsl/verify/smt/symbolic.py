@@ -309,7 +309,7 @@ class SymbolicScene:
     # ---------------------------------------------------------------- from a model to a scene
 
     def scene(self, model: Model) -> tuple[Scene, str]:
-        """The scene that a model describes, and the name of the vehicle in focus, or `NOBODY`."""
+        """Return the scene that a model describes, and the name of the vehicle in focus, or `NOBODY`."""
         flags = defaultdict(bool, model.flags)
 
         def number(value: Value | Finite) -> float:
