@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 import re
+from unittest import mock
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic import Engine, Limits, PrologError
+from drlsl.logic.core import body
+from drlsl.logic.jit import resumption
 from drlsl.logic.jit import tiering as tiers
 
 _HEAD_TERMS = (
@@ -256,3 +259,69 @@ def test_a_test_that_rules_out_the_others_leaves_no_choice(second: str) -> None:
         with pytest.raises(PrologError, match="sufficiently instantiated") as caught:
             engine.holds("p(1, Y, Z)")
         assert caught.value.clause is not None
+
+
+_SEARCH_GOALS = (
+    "g(C)",
+    "g(D)",
+    "F is A + B",
+    "F > A + 2",
+    "h(B, C)",
+    "A < B",
+    "A =\\= B",
+    "C is A + B",
+    "C = f(A, D)",
+    "D = B",
+    "!",
+    "(A > 2 -> D = x ; E = y)",
+    "(g(E), E > A -> true ; D = none)",
+    "(A = 1 ; B = 2)",
+    "\\+ h(A, B)",
+    "findall(X, h(A, X), C)",
+    "once(g(D))",
+    "catch(h(B, D), _, true)",
+    "A + E > B",
+    "call(h, A, D)",
+    "fail",
+    "m(A, B)",
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    goals=st.lists(st.sampled_from(_SEARCH_GOALS), min_size=1, max_size=5),
+    first=st.sampled_from("AC_"),
+    before=st.sampled_from(["", "", "E = 1, ", "true, ", "nonvar(B), !, ", "E = 1, !, ", "!, "]),
+)
+@example(goals=["F is A + B", "g(D)", "F > A + 2"], first="A", before="")
+def test_a_body_that_is_compiled_while_it_searches(goals: list[str], first: str, before: str) -> None:
+    """What a clause is in the middle of goes on by generated code, with the same answers and errors."""
+    program = (
+        f"p({first}, B, f(C, D), E) :- {before}g(A), g(_), g(B), {', '.join(goals)}, m(A, C).\n"
+        "p(9, 9, f(9, 9), 9).\ng(1). g(2). g(3). g(4).\n"
+        "h(1, 2). h(2, 2). h(2, 3). h(X, Y) :- Y = s(X).\nm(_, _). m(X, Y) :- X == Y.\n"
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0.05)
+        patch.setattr(tiers, "_LARGE", 0)
+        patch.setattr(body, "_UNMEASURED", 1)
+        fast, plain = Engine(), Engine(compiled=False)
+        for engine in (fast, plain):
+            engine.consult_text(program)
+        for goal in ("p(A, B, C, D)", "p(_, B, C, D), C = f(2, _), B > 3", "p(A, 3, f(_, D), E), D = 3"):
+            assert _answers(fast, goal) == _answers(plain, goal), (program, goal)
+
+
+def test_an_error_in_a_body_compiled_while_it_searches_says_where() -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "_LARGE", 0)
+        rests = mock.Mock(side_effect=resumption.compile_rest)
+        patch.setattr(resumption, "compile_rest", rests)
+        engine = Engine()
+        engine.consult_text("p :-\n  between(1, 2000, X), q(X, Y), 1 / Y > 2.\nq(X, Y) :- Y is 1999 - X.\n")
+        with pytest.raises(PrologError, match="zero") as caught:
+            engine.holds("p")
+    rests.assert_called_once()
+    assert caught.value.clause is not None
+    assert caught.value.clause.endswith(":1")
+    assert "1 / 0 > 2" in str(caught.value).replace("1/0>2", "1 / 0 > 2")

@@ -40,12 +40,14 @@ CONTINUATION: Final = 1
 FIRST_SLOT: Final = 2
 
 # The kinds of nodes, the most frequent first.
-CALL, DET, PROCEED, IN_PLACE, CUT, FAIL, BRANCH, EITHER, SOFT_CUT, CONTROL, NONDET, RAISE = range(12)
+CALL, DET, PROCEED, IN_PLACE, CUT, FAIL, BRANCH, EITHER, SOFT_CUT, CONTROL, NONDET, RAISE, RESUME = range(13)
 
 _DEEPEST_PATTERN: Final = 60
 _LARGEST_PATTERN: Final = 2_000
 # A pattern that would create more cells than this at each use of its clause is refused.
 _MOST_CELLS: Final = 2_000_000
+# A body with fewer returns to it is not worth measuring.
+_UNMEASURED: Final = 64
 _STEPS_OF_SHELL: Final = 10
 
 
@@ -87,7 +89,7 @@ class DeepPattern(Pattern):
 class Node:
     """One step of a body; `next` is the step after its success."""
 
-    __slots__ = ("args", "clause", "function", "name", "next", "op", "other", "slot", "target")
+    __slots__ = ("args", "clause", "code", "function", "name", "next", "op", "other", "slot", "target")
 
     def __init__(self, op: int, following: Node | None = None, clause: Clause | None = None) -> None:
         self.op = op
@@ -100,6 +102,7 @@ class Node:
         self.other: Node | None = (
             None  # BRANCH, SOFT_CUT: what to do when the condition fails; EITHER: the second branch
         )
+        self.code: Any = None  # RESUME: generated code, a function of the machine and the frame
         self.slot = 0  # BRANCH, CUT, SOFT_CUT: the frame's slot with the height to cut back to
 
 
@@ -117,9 +120,11 @@ class Code:
             other clauses is made.
         commits: whether a cut follows them.
         body: the rest.
+        patience: how many returns to the body by the plain solver are left until `Program.resume`, or 0.
+        measured: whether the size of the clause is part of its patience.
     """
 
-    __slots__ = ("blanks", "body", "commits", "guard", "head")
+    __slots__ = ("blanks", "body", "commits", "guard", "head", "measured", "patience")
 
     def __init__(self, head: tuple[tuple[int, Any], ...], blanks: list[None], body: Node) -> None:
         self.head = head
@@ -131,6 +136,8 @@ class Code:
         self.guard = tuple(guard)
         self.commits = body.op == CUT and body.slot == HEIGHT and body.target == 0
         self.body: Node = body.next if self.commits else body
+        self.patience = _UNMEASURED
+        self.measured = False
 
 
 def build(pattern: Pattern, frame: list[Any]) -> Struct:
@@ -196,6 +203,10 @@ class Slots:
             arg = deref(arg)
             if type(arg) is Var and arg not in self._locals:
                 self._locals[arg] = Local(FIRST_SLOT + position)
+
+    def places(self) -> dict[Var, int]:
+        """Return the slot of each variable that has one by now."""
+        return {variable: local.index for variable, local in self._locals.items()}
 
     def is_argument(self, variable: Var, position: int) -> bool:
         """Return whether a variable's slot is that of the argument at a position."""
@@ -487,6 +498,17 @@ def compile_clause(
     clause: Clause, link: Callable[[Node, str, int], None], meter: Meter | None = None
 ) -> Code:
     """Prepare a clause to be run."""
+    return _prepare(clause, link, meter)[0]
+
+
+def slots_of(clause: Clause, link: Callable[[Node, str, int], None]) -> dict[Var, int]:
+    """Return the slot of each variable of a clause in the frames of its calls."""
+    return _prepare(clause, link, None)[1].places()
+
+
+def _prepare(
+    clause: Clause, link: Callable[[Node, str, int], None], meter: Meter | None
+) -> tuple[Code, Slots]:
     args = clause.args
     slots = Slots(args, meter)
     head: list[tuple[int, Any]] = []
@@ -502,4 +524,4 @@ def compile_clause(
         compiler = BodyCompiler(link, slots, clause)
         body = compiler.compile(read_body(clause.body, meter=meter))
         size = compiler.frame_size()
-    return Code(tuple(head), [None] * (size - len(args)), body)
+    return Code(tuple(head), [None] * (size - len(args)), body), slots

@@ -344,9 +344,15 @@ class Tables:
 class Program:
     """The predicates of one engine by name and arity."""
 
-    __slots__ = ("generation", "link", "make_entry", "predicates", "tables")
+    __slots__ = ("generation", "link", "make_entry", "predicates", "resume", "tables")
 
-    def __init__(self, link: Callable[[Any, str, int], None], make_entry: Callable[[Predicate], Any]) -> None:
+    def __init__(
+        self,
+        link: Callable[[Any, str, int], None],
+        make_entry: Callable[[Predicate], Any],
+        resume: Callable[[Clause], None],
+    ) -> None:
+        self.resume = resume  # may compile the body of a clause that the plain solver often returns to
         self.make_entry = make_entry  # the function by which compiled code calls a predicate at first
         self.link = link  # sets the target of a node in a clause of this program
         self.predicates: dict[Indicator, Predicate] = {}

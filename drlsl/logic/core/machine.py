@@ -28,6 +28,7 @@ from drlsl.logic.core.body import (
     PROCEED,
     PROCEED_NODE,
     RAISE,
+    RESUME,
     SOFT_CUT,
     BodyCompiler,
     DeepPattern,
@@ -627,9 +628,16 @@ def run(machine: Machine, task: Task) -> Task:
     """Run nodes until a task comes that is not the plain solver's."""
     node: Node = task[1]
     frame: list[Any] = task[2]
-    if node.clause is not None and node.clause.predicate.cold:
+    clause = node.clause
+    if clause is not None:
         # A clause that compiled code returns to this often is worth compiling.
-        node.clause.predicate.cold -= 1
+        if clause.predicate.cold:
+            clause.predicate.cold -= 1
+        code = clause.code
+        if code is not None and code.patience:
+            code.patience -= 1
+            if not code.patience and machine.compiled:
+                clause.predicate.program.resume(clause)
     choices = machine.choices
     following: Task
     try:
@@ -677,6 +685,11 @@ def run(machine: Machine, task: Task) -> Task:
                 soft_cut(choices, frame[node.slot])
                 node = node.next
                 continue
+            elif op == RESUME:
+                machine.left -= 1
+                if machine.left < 0:
+                    machine.tick((run, node, frame))
+                following = node.code(machine, frame)
             elif op == RAISE:
                 raise type_error("callable", arguments(node.args, frame)[0])
             else:
@@ -688,7 +701,8 @@ def run(machine: Machine, task: Task) -> Task:
             node = following[1]
             frame = following[2]
     except PrologError as error:
-        _add_goal(error, node, frame)
+        if node.op != RESUME:
+            _add_goal(error, node, frame)
         raise
 
 

@@ -6,8 +6,9 @@ clauses by a switch, a last call of the predicate itself is a loop, and tests be
 choice point.
 """
 
-from drlsl.logic.jit.tiering import cold_entry
+from drlsl.logic.jit.tiering import cold_entry, settle_rest
 
 __all__ = [
     "cold_entry",
+    "settle_rest",
 ]

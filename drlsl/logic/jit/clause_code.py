@@ -7,6 +7,7 @@ to the trampoline as a task, with what follows it as a new function and the vari
 
 from __future__ import annotations
 
+import operator
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -72,6 +73,7 @@ class Commit(NamedTuple):
 
 
 Step: TypeAlias = Goal | Commit
+Rest: TypeAlias = tuple[str, list[Var]]  # a function that goes on with a body, and what it is given
 
 
 @dataclass
@@ -116,6 +118,8 @@ class BodyEmitter:
         self._clause: Clause | None = None
         # What a cut cuts back to: the height in a local, or so many choice points above it.
         self._heights: dict[Barrier, tuple[Var, int]] = {}
+        self._goals: Sequence[Step] = ()
+        self._rests: dict[int, Rest] = {}
 
     def emit_clause(self, place: Place, clause: Clause, body: Goal, height: Var) -> None:
         """Emit a clause's body; cuts in it cut back to the height in the local of `height`."""
@@ -143,6 +147,16 @@ class BodyEmitter:
             inner = replace(inner, scope=inner.scope.copy())
         self._sequence(inner, guard.goals)
         function.indent = depth
+
+    def emit_rests(self, clause: Clause, body: Goal, height: Var) -> dict[int, Rest]:
+        """Emit a clause's body; return the continuations of its calls, by the number of goals in each."""
+        self._clause = clause
+        self._heights[CLAUSE] = height, 0
+        self._goals = steps(body)
+        names = {variable: self._module.fresh("v") for variable in term_variables(clause.head)}
+        place = Place(Function("", self._module), Scope({height: "h", **names}), lambda: None)
+        self._continuation(place, self._goals)
+        return self._rests
 
     # ------------------------------------------------------------------ sequences
 
@@ -176,6 +190,10 @@ class BodyEmitter:
             return k or place.k
         function = self._module.function()
         expression, inner = self._capture(place, function, rest, k or place.k, first="")
+        left = len(rest)
+        if left <= len(self._goals) and all(map(operator.is_, rest, self._goals[-left:])):
+            names = {name: variable for variable, name in inner.scope.names.items()}
+            self._rests[left] = function.name, list(names.values())
         self._sequence(inner, rest)
         return expression
 

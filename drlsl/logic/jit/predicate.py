@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from drlsl.logic.builtins import begin_findall
 from drlsl.logic.core import (
@@ -32,7 +32,7 @@ from drlsl.logic.jit.holes import UNFINISHED, close_hole, emit_hole, keeps_open,
 from drlsl.logic.jit.term_matching import emit_deref, emit_known, emit_match
 from drlsl.logic.terms import Atom, Struct, Var, deref
 
-_RUNTIME: dict[str, Any] = {
+RUNTIME: Final[dict[str, Any]] = {
     "ATOMIC": frozenset({Atom, int, float, str}),
     "Atom": Atom,
     "CALLABLE": frozenset({Atom, Struct}),
@@ -75,10 +75,8 @@ class _PredicateCompiler:
 
     def __init__(self, predicate: Predicate, linker: Resolver, unbound: Any) -> None:
         self._clauses = list(predicate.clauses)
-        self._bodies = [_body(clause) for clause in self._clauses]
-        self._module = Module(
-            f"{predicate.name}/{predicate.arity}", Namespace(_RUNTIME), _voids(self._clauses)
-        )
+        self._bodies = [body_of(clause) for clause in self._clauses]
+        self._module = Module(f"{predicate.name}/{predicate.arity}", Namespace(RUNTIME), voids(self._clauses))
         # A recursive call of a tabled predicate is a call like any other: it reads the table.
         own = (predicate.name, predicate.arity) if predicate.tabled is None else ("", -1)
         self._emitter = BodyEmitter(self._module, linker, own)
@@ -326,14 +324,19 @@ class _PredicateCompiler:
             self._function.emit(f"{left} = {right}")
 
 
-def _body(clause: Clause) -> Goal:
+def body_of(clause: Clause) -> Goal:
+    """Return the goals of a clause.
+
+    Raises:
+        PrologTypeError: Its body is not callable.
+    """
     body = read_body(clause.body)
     if type(body) is NotCallable:
         raise type_error("callable", body.term)
     return body
 
 
-def _voids(clauses: Sequence[Clause]) -> set[Var]:
+def voids(clauses: Sequence[Clause]) -> set[Var]:
     """Return the variables that occur only once in their clause."""
     once: set[Var] = set()
     again: set[Var] = set()

@@ -6,6 +6,7 @@ Then it takes at most about twice the time of the better choice, however often t
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from functools import partial
 from typing import Any, Final
 
@@ -21,6 +22,10 @@ _SMALL: Final = 64
 _MOST_CLAUSES: Final = 40
 _LARGEST_CLAUSE: Final = 10_000
 _DEEPEST_CLAUSE: Final = 60
+# A smaller clause is soon done with; its next call may find its predicate compiled.
+_LARGE: Final = 100
+# The cost of a return to a clause, as a part of the cost of a call.
+_REST: Final = 0.3
 
 
 def cold_entry(linker: Resolver, predicate: Predicate) -> Any:
@@ -102,12 +107,36 @@ class _Unbound:
         return compiled
 
 
+def settle_rest(linker: Resolver, clause: Clause) -> None:
+    """Measure a clause that the plain solver often returns to; the second time, compile its body.
+
+    A main clause is called once and then searched by backtracking, so compiling its predicate is too late.
+    """
+    code = clause.code
+    if clause.predicate.dynamic or not _is_modest(clause):
+        return
+    if not code.measured:
+        code.measured = True
+        size = _size_of([clause])
+        if size >= _LARGE:
+            code.patience = max(1, int(PATIENCE * _REST * size))
+        return
+    from drlsl.logic.jit.resumption import compile_rest
+
+    try:
+        compile_rest(clause, linker)
+    except (PrologError, RecursionError, SyntaxError):
+        return
+
+
 def _size(predicate: Predicate) -> int:
     """Return the number of nodes in the terms of a predicate's clauses; 0 if it will not be compiled."""
-    if not _is_compilable(predicate):
-        return 0
+    return _size_of(predicate.clauses) if _is_compilable(predicate) else 0
+
+
+def _size_of(clauses: Iterable[Clause]) -> int:
     size = 0
-    for clause in predicate.clauses:
+    for clause in clauses:
         todo = [clause.head, clause.body]
         while todo:
             term = deref(todo.pop())

@@ -28,7 +28,7 @@ from drlsl.logic.core import (
     translate_rule,
 )
 from drlsl.logic.errors import PrologError
-from drlsl.logic.jit import cold_entry
+from drlsl.logic.jit import cold_entry, settle_rest
 from drlsl.logic.limits import LimitExceeded, Meter
 from drlsl.logic.syntax import Flags, read_terms
 from drlsl.logic.terms import TRUE, CyclicTerm, Operators, Struct
@@ -61,7 +61,7 @@ class Library:
     def __init__(self) -> None:
         self.exports: dict[Indicator, Path] = {}
         self.modules: set[str] = set()
-        self.program = Program(self.link, partial(cold_entry, self))
+        self.program = Program(self.link, partial(cold_entry, self), lambda _: None)
         self._loaded: set[Path] = set()
         self._lock = threading.RLock()
         for path in sorted(_LIBRARY.glob("*.pl")):
@@ -148,7 +148,7 @@ class Linker:
     """Finds the targets of goals in one program."""
 
     def __init__(self) -> None:
-        self.program = Program(self.link, partial(cold_entry, self))
+        self.program = Program(self.link, partial(cold_entry, self), partial(settle_rest, self))
         self.relinked = 0  # the number of changes of the targets of goals
 
     def resolve(self, name: str, arity: int) -> tuple[int, Any]:
