@@ -193,7 +193,8 @@ def _train(session: Session) -> None:
     _evaluate_briefly(session, console)
     typer.echo("next:")
     typer.echo(f"  drlsl eval {shown}")
-    typer.echo("  drlsl query --state examples/scene.json")
+    rules = "".join(f" --rules {shlex.quote(file)}" for file in config.env.rules)
+    typer.echo(f"  drlsl query --state examples/scene.json{rules}")
 
 
 def _run(session: Session, console: Console, stop: Stop) -> bool:

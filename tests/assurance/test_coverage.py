@@ -17,14 +17,16 @@ from tests.driving.test_shield import SCENE
 from tests.scenes import scenes
 
 
-@pytest.mark.parametrize(
-    ("program", "points"), [("highway.pl", 145), ("overtake_left.pl", 14), ("paper.pl", 119)]
-)
-def test_the_tables_reach_every_clause_and_branch(program: str, points: int) -> None:
+@pytest.mark.parametrize("program", ["highway.pl", "overtake_left.pl", "paper.pl"])
+def test_the_tables_reach_every_clause_and_branch(program: str) -> None:
     path = RULES / program
-    reached, _ = measure(Shield.from_files([path]), table_cases(path), [path])
+    shield = Shield.from_files([path])
+    clauses = [clause for key in shield.engine.predicates() for clause in shield.engine.clauses(*key)]
+    own = sum(Path(clause.source or "") == path for clause in clauses)
+    reached, _ = measure(shield, table_cases(path), [path])
     assert [str(point) for point in reached.missed] == []
-    assert len(reached.reached) == points
+    assert sum(point.is_clause for point in reached.reached) == own > 0
+    assert not all(point.is_clause for point in reached.reached)
 
 
 def test_what_a_file_is_on_top_of_counts_only_where_it_is_named() -> None:

@@ -19,6 +19,8 @@ from drlsl.driving.explain.decision_picture import GO_COLOUR, LEADER_COLOUR, MOS
 from drlsl.driving.explain.drawing import EGO_COLOUR, FOCUS_COLOUR, OTHER_COLOUR
 from drlsl.driving.scene import Action, Scene, Vehicle, bumper_gap, load_scene
 from drlsl.driving.shield import Shield, default_rules
+from drlsl.logic import Engine
+from tests.driving.test_shield import USABLE
 from tests.scenes import road, turned
 
 EXAMPLE = load_scene(default_rules()[0].parent.parent / "examples" / "scene.json")
@@ -192,6 +194,20 @@ def test_reasons_without_a_vehicle_stand_beside_the_arrow() -> None:
     assert [text.get_text() for text in figure.axes[0].texts].count("changing lanes") == 2
     figure, _ = drawn(SCENES["nobody"])
     assert "no lane" in [text.get_text() for text in figure.axes[0].texts]
+
+
+@pytest.mark.parametrize("reason", ["law(back)", "seen(at(3), back, 2.5)"])
+def test_vehicles_that_any_reason_names_have_its_colour(reason: str) -> None:
+    engine = Engine()
+    engine.consult_text("\n".join([*USABLE.values(), f"objection(left_lane_change, {reason})."]))
+    shield, scene = Shield(engine), SCENES["two that object"]
+    decision = shield.decide(scene)
+    figure = draw_decision(scene, decision, objections(shield, decision))
+    coloured = [patch for patch in figure.axes[0].patches if same_color(patch.get_facecolor(), FOCUS_COLOUR)]
+    assert len(coloured) == 1
+    legend = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert "named in a reason" in legend
+    assert legend.isdisjoint({"too close", "gap", "missing"})
 
 
 def test_who_matters_has_a_colour() -> None:

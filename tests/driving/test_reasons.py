@@ -60,6 +60,14 @@ def test_a_reason_without_a_name_is_refused(reason: str, shown: str) -> None:
         objections(shield, decision)
 
 
+def test_an_objection_that_takes_no_action_away_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    engine = Engine()
+    engine.consult_text("\n".join([*USABLE.values(), "objection(lane_keeping, icy_road(bridge))."]))
+    shield = Shield(engine)
+    assert Action.LANE_KEEPING not in objections(shield, shield.decide(SCENE))
+    assert caplog.messages == ["the rules offer lane_keeping in spite of an objection: icy road: bridge"]
+
+
 def test_the_nearest_vehicle_comes_first() -> None:
     engine = Engine()
     rules = "".join(

@@ -39,6 +39,7 @@ def test_train_then_eval(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "steps/s" in out
     assert "shield on" in out
     assert "drlsl eval run" in out
+    assert "drlsl query --state examples/scene.json\n" in out
     assert {path.name for path in (tmp_path / "run").iterdir()} == {
         "config.yaml",
         "metrics.csv",

@@ -107,15 +107,17 @@ def draw_decision(
         below=sum(_ROW for row in rows if row.side == "below"),
         least_lane=_LEAST_LANE,
     )
-    focused = {one.vehicle for found in unsafe.values() for one in found if one.vehicle in cars}
+    named = {name for found in unsafe.values() for one in found for name in one.names if name in cars}
     colours = {} if speed is None else {speed.vehicle: LEADER_COLOUR}
-    colours |= {name: FOCUS_COLOUR for name in focused if name is not None}
-    _draw_actions(canvas, scene, decision, unsafe)
+    colours |= dict.fromkeys(named, FOCUS_COLOUR)
+    _draw_actions(canvas, scene, decision, unsafe, cars)
     notes = {} if speed is None else {speed.vehicle: "decides the speed"}
     draw_vehicles(canvas, scene, colours=colours, notes=notes, ego_arrow=False)
     for row in rows:
         _draw_row(canvas, scene, row, cars)
-    _draw_legend(canvas, colours, others=len(cars) > len(colours))
+    close = {one.vehicle for row in rows for one in row.objections}
+    focus = "too close" if named <= close else "named in a reason"
+    _draw_legend(canvas, colours, focus=focus, gaps=bool(close), others=len(cars) > len(colours))
     return canvas.figure
 
 
@@ -228,7 +230,11 @@ def _draw_dimension(canvas: Canvas, points: Sequence[tuple[float, float]], *, ha
 
 
 def _draw_actions(
-    canvas: Canvas, scene: Scene, decision: Decision, unsafe: Mapping[Action, Sequence[Objection]]
+    canvas: Canvas,
+    scene: Scene,
+    decision: Decision,
+    unsafe: Mapping[Action, Sequence[Objection]],
+    cars: Mapping[str, Vehicle],
 ) -> None:
     """Draw an arrow for every action from the ego's front into the lane that it leads to."""
     from matplotlib.patheffects import Normal, Stroke
@@ -263,7 +269,7 @@ def _draw_actions(
             canvas.axes.plot(
                 *middle, marker="X", markersize=11, color=FOCUS_COLOUR, markeredgecolor="white", zorder=6
             )
-            words = [one.words() for one in unsafe.get(action, ()) if one.vehicle is None]
+            words = [one.words() for one in unsafe.get(action, ()) if one.vehicle not in cars]
             if words:
                 canvas.write(
                     [", ".join(words)], *tip, shifts=(0.0, 0.6, -0.6, 1.0, -1.0), colour=FOCUS_COLOUR
@@ -282,7 +288,7 @@ def _aim(scene: Scene, action: Action) -> float:
     return own.centre + turn * min((way for way in ways if way > 0), default=own.width * 0.75)
 
 
-def _draw_legend(canvas: Canvas, colours: Mapping[str, str], *, others: bool) -> None:
+def _draw_legend(canvas: Canvas, colours: Mapping[str, str], *, focus: str, gaps: bool, others: bool) -> None:
     """Draw the meaning of colours and lines below the picture."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -290,7 +296,7 @@ def _draw_legend(canvas: Canvas, colours: Mapping[str, str], *, others: bool) ->
     def patches() -> Iterator[Patch | Line2D]:
         yield Patch(facecolor=EGO_COLOUR, edgecolor="black", label="ego")
         if FOCUS_COLOUR in colours.values():
-            yield Patch(facecolor=FOCUS_COLOUR, edgecolor="black", label="too close")
+            yield Patch(facecolor=FOCUS_COLOUR, edgecolor="black", label=focus)
         if LEADER_COLOUR in colours.values():
             yield Patch(facecolor=LEADER_COLOUR, edgecolor="black", label="decides the speed")
         if others:
@@ -299,7 +305,7 @@ def _draw_legend(canvas: Canvas, colours: Mapping[str, str], *, others: bool) ->
         yield Line2D(
             [], [], color=FOCUS_COLOUR, linewidth=1.6, linestyle=(0, (3, 2)), marker="X", label="not offered"
         )
-        if FOCUS_COLOUR in colours.values():
+        if gaps:
             yield Line2D([], [], color="black", linewidth=1.4, label="gap")
             yield Line2D([], [], color=FOCUS_COLOUR, linewidth=4.5, label="missing")
 

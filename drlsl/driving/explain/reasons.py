@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -12,6 +13,8 @@ from drlsl.driving.shield import LIMITS, Decision, Shield
 from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import Compound
+
+_LOG: Final = logging.getLogger(__name__)
 
 SECTIONS: Final = ("front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left")
 """The sections around the ego, clockwise. Source: paper, SLP for AD."""
@@ -29,6 +32,12 @@ class Objection:
     gap: float | None = None
     needed: float | None = None
     details: tuple[str | float, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The vehicle that is too close, or the details that are names: of vehicles among others."""
+        named = tuple(detail for detail in self.details if isinstance(detail, str))
+        return named if self.vehicle is None else (self.vehicle, *named)
 
     @property
     def missing(self) -> float | None:
@@ -81,12 +90,19 @@ class SpeedReason:
 
 
 def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
-    """Return the objections to every action that `decision` does not offer: see `objections_to`."""
-    return objections_to(shield, (action for action in Action if action not in decision.safe_actions))
+    """Return the objections to every action that `decision` does not offer: see `objections_to`.
+
+    An objection to an action that is offered all the same is logged as a warning.
+    """
+    found = objections_to(shield, Action)
+    for action in decision.safe_actions:
+        for objection in found.pop(action):
+            _LOG.warning("the rules offer %s in spite of an objection: %s", action.atom, objection.words())
+    return found
 
 
 def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, list[Objection]]:
-    """Return the objections to each of some actions that are not offered, nearest vehicle first.
+    """Return the objections to each of some actions, nearest vehicle first.
 
     Queries `objection(Action, Reason)` in the scene of the engine's current facts; a program that does not
     define it gives no reasons.
