@@ -10,7 +10,17 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from drlsl.logic.builtins.arguments import attempt, items, prefix
-from drlsl.logic.builtins.text import TRY, any_text, check_size, is_code, join, number_text, sub_text
+from drlsl.logic.builtins.text import (
+    TRY,
+    any_text,
+    check_size,
+    is_character,
+    is_code,
+    join,
+    listed_text,
+    number_text,
+    sub_text,
+)
 from drlsl.logic.core import Caller, det, nondet
 from drlsl.logic.errors import PrologSyntaxError, domain_error, instantiation_error, type_error
 from drlsl.logic.syntax import ReadTerm, parse_number, read_term
@@ -61,14 +71,42 @@ def number_string(machine: Caller, number: Term, string: Term) -> bool:
     return machine.unify(string, number_text(_number(number), machine))
 
 
+@det("name", 2)
+def name(machine: Caller, term: Term, codes: Term) -> bool:
+    """Relate an atomic term and the codes of its text: a number if they can be read as one, else an atom."""
+    codes = deref(codes)
+    listed = codes if isinstance(codes, str) else listed_text(machine, codes, _check_either)
+    if not _is_free(term):
+        characters = _atomic_text(term, machine)
+        machine.meter.make(len(characters))
+        return machine.unify(codes, _codes(characters)) if listed is None else listed == characters
+    if listed is None:
+        raise instantiation_error()
+    value = _number_of(machine, listed)
+    return machine.unify(term, Atom(listed) if value is None else value)
+
+
+def _check_either(term: Term) -> str:
+    if isinstance(term, Atom) and is_character(term):
+        return term.name
+    if isinstance(term, int) and is_code(term):
+        return chr(term)
+    raise type_error("character_code", term)
+
+
 def _unify_number(machine: Caller, characters: str, number: Term) -> bool:
+    value = _number_of(machine, characters)
+    return value is not None and machine.unify(number, value)
+
+
+def _number_of(machine: Caller, characters: str) -> int | float | None:
+    """Return the number of a text; None if it is not the text of a number."""
     if not characters[:1].isprintable() or characters[:1] == " " or characters[:2] in ("- ", "+-"):
-        return False
+        return None
     try:
-        value = parse_number(characters.removeprefix("+"), machine.flags, machine.meter)
+        return parse_number(characters.removeprefix("+"), machine.flags, machine.meter)
     except PrologSyntaxError:
-        return False
-    return machine.unify(number, value)
+        return None
 
 
 def _number(term: Term) -> int | float:
