@@ -30,10 +30,10 @@ aggregate_all(bag(T), G, L) :- !, findall(T, G, L).
 aggregate_all(set(T), G, S) :- !, findall(T, G, L), sort(L, S).
 aggregate_all(max(X), G, M) :- !, findall(X, G, [V|Vs]), N is V, max_value(Vs, N, M).
 aggregate_all(min(X), G, M) :- !, findall(X, G, [V|Vs]), N is V, min_value(Vs, N, M).
-aggregate_all(max(X, W), G, max(M, MW)) :- !,
-    findall(X-W, G, [V-VW|Vs]), N is V, max_witness(Vs, N, VW, M, MW).
-aggregate_all(min(X, W), G, min(M, MW)) :- !,
-    findall(X-W, G, [V-VW|Vs]), N is V, min_witness(Vs, N, VW, M, MW).
+aggregate_all(max(X, W), G, R) :- !,
+    findall(X-W, G, [V-VW|Vs]), N is V, max_witness(Vs, N, VW, M, MW), R = max(M, MW).
+aggregate_all(min(X, W), G, R) :- !,
+    findall(X-W, G, [V-VW|Vs]), N is V, min_witness(Vs, N, VW, M, MW), R = min(M, MW).
 aggregate_all(Spec, G, R) :-
     aggregates(Spec, Name, Specs, Templates),
     findall(Templates, G, Rows),
