@@ -194,8 +194,8 @@ def test_replacing_without_a_word_is_a_warning(engine: Engine, tmp_path: Path, b
     engine.consult(tmp_path / "top.pl")
     assert values(engine, "q(X)") == [3]
     (warning,) = engine.warnings
-    assert f"top.pl:2: p/1 is defined anew; before, in {base}; if that is meant" in str(warning)
-    assert str(warning).endswith("say so before: :- abolish(p/1).")
+    assert f"top.pl:2: p/1 is defined anew; before, in {base}; if that is intended" in str(warning)
+    assert str(warning).endswith("declare it before: :- abolish(p/1).")
 
 
 def test_what_is_included_can_be_replaced_too(engine: Engine, tmp_path: Path, base: Path) -> None:
