@@ -13,7 +13,7 @@ from drlsl.logic.loading import library
 from drlsl.logic.loading.consult import STANDARD
 from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar
 from drlsl.lowering.frontend import Query, lower
-from drlsl.lowering.frontend.goals import GOALS
+from drlsl.lowering.frontend.goals import RULES
 from drlsl.lowering.ir import Relation, Schema
 
 SPEED = Relation("speed", ("float",), single=True)
@@ -22,7 +22,7 @@ ASK = Query("ask", 0, "holds")
 
 QUALIFIED = (":", 2)  # before a head it is the name of a module, and the clause is one of what follows
 CONTROL = sorted({*CONTROL_BUILTINS, ("|", 2)} - {QUALIFIED})
-OTHERS = sorted({*builtin_indicators(), *GOALS, *library().exports} - {*CONTROL, QUALIFIED})
+OTHERS = sorted({*builtin_indicators(), *RULES, *library().exports} - {*CONTROL, QUALIFIED})
 
 
 def goal(name: str, arity: int) -> str:

@@ -171,7 +171,10 @@ def nested(draw: st.DrawFn, scope: Scope, known: list[tuple[str, tuple[str, ...]
         then = draw(bodies(inner, known, depth, most=1))
         other = draw(bodies(scope.inner(), known, depth, most=1))
         arrow = {"if": "->", "soft": "*->", "or": ","}[form]
-        return f"( {first} {arrow} {then} ; {other} )"
+        cuts = draw(st.sampled_from([("", ""), ("", ""), (", !", ""), ("", ", !")]))
+        if form != "or" and draw(st.booleans()):
+            return f"( {first} {arrow} {then}{cuts[0]} )"
+        return f"( {first} {arrow} {then}{cuts[0]} ; {other}{cuts[1]} )"
     name = scope.fresh()
     scope.bound["int" if form == "count" else "float"].append(name)
     if form == "member":

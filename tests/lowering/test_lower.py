@@ -98,6 +98,7 @@ CARS = [("ego", 1, 0.0), ("a", 1, 7.0), ("b", 2, 3.0), ("c", 1, 3.0)]
         ("p(C) :- ( car(C, _, X), X > 1.0 -> true ; C = none ).", "p/1", "all", ["a"]),
         ("p(C) :- ( car(C, _, X), X > 1.0 *-> true ; C = none ).", "p/1", "all", ["a", "b", "c"]),
         ("p(C) :- ( car(C, _, 1.0) *-> true ; C = none ).", "p/1", "all", ["none"]),
+        ("p(C) :- ( car(C, _, X), X > 1.0 *-> true ).", "p/1", "all", ["a", "b", "c"]),
         ("p(C) :- once(car(C, 2, _)).", "p/1", "all", ["b"]),
         ("p(C) :- ignore(car(C, 2, _)), car(C, _, _).", "p/1", "all", ["b"]),
         # extremes: of equal values the first row, and no row no solution
@@ -239,6 +240,8 @@ def test_a_row_that_no_key_finds() -> None:
         ("p(X) :- limit(L), X is L * 1.0e300 * 1.0e300.", facts()),
         ("p(X) :- limit(_), X is Y + 1.", facts()),
         ("p(X) :- limit(X), nobody(X).", facts()),
+        ("p(X) :- limit(X), \\+ '|'(X < 0.0, X > 1.0).", facts()),
+        ("p(X) :- limit(X), ( X < 0.0 ; forall(true, (X > 1.0, 1)) ).", facts()),
         ("p(X) :- car(_, _, X), 1.0 / X > 2.0.", facts()),
         # the interpreter goes back into q, and meets the error there
         ("p(1) :- q, limit(0.0). q. q :- limit(L), 1.0 mod 2 > L. q.", facts()),
@@ -314,6 +317,8 @@ def test_values_of_another_kind(scene: Facts) -> None:
         ("p(X) :- aggregate_all(r(set(Y)), car(_, _, Y), r([X|_])).", "not an aggregate, or set/1"),
         (":- dynamic(seen/1). p(X) :- seen(X).", "seen/1 is dynamic"),
         ("p(X) :- car(_, _, _), ( car(_, 1, X), ! ; X = 1 ).", "cut inside a disjunction"),
+        ("p(X) :- ( car(_, 1, X) *-> ! ; X = 1 ).", "a cut inside \\*->"),
+        ("p(X) :- ( car(_, 1, X) *-> ! ).", "a cut inside \\*->"),
         ("p(_).", "unbound variable"),
         ("q(1).", "does not define"),
         ("p(X) :- steps(N), between(0, N, X).", "between/3"),

@@ -467,14 +467,20 @@ def steps(body: Goal) -> tuple[Goal, ...]:
     return goals
 
 
-def cuts(goal: Goal, barrier: Barrier = CLAUSE) -> bool:
-    """Return whether a goal has a cut in it back to a barrier."""
+def cuts(goal: Goal) -> bool:
+    """Return whether a goal has a cut that reaches beyond it."""
     todo = [goal]
     while todo:
         part = todo.pop()
-        if type(part) is Cut and part.barrier is barrier:
+        kind = type(part)
+        if kind is Cut:
             return True
-        todo.extend(inside(part))
+        if kind is Conjunction:
+            todo += part.goals  # type: ignore[union-attr]  # kind says so
+        elif kind is Disjunction:
+            todo += (part.first, part.second)  # type: ignore[union-attr]
+        elif kind is IfThenElse:
+            todo += (part.then, part.otherwise)  # type: ignore[union-attr]
     return False
 
 

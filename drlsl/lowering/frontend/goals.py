@@ -5,8 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from drlsl.logic.core import (
+    FAILURE,
+    Call,
+    Conjunction,
+    Cut,
+    Derived,
+    Disjunction,
+    Findall,
+    Goal,
+    IfThenElse,
+    Negation,
+    NotCallable,
+    Opaque,
+    Truth,
+    read_body,
+)
 from drlsl.logic.terms import NIL, Atom, Struct, Var
-from drlsl.lowering.frontend.unfold import Continue, Goal, Unfolder
+from drlsl.lowering.frontend.unfold import Continue, Rule, Unfolder
 from drlsl.lowering.ir import (
     COMPARISONS,
     FAIL,
@@ -28,12 +44,12 @@ from drlsl.lowering.ir import (
 
 _MOST_STEPS: Final = 64
 
-GOALS: Final[dict[tuple[str, int], Goal]] = {}
+RULES: Final[dict[tuple[str, int], Rule]] = {}
 
 
-def _goal(name: str, arity: int) -> Callable[[Goal], Goal]:
-    def register(function: Goal) -> Goal:
-        GOALS[name, arity] = function
+def _rule(name: str, arity: int) -> Callable[[Rule], Rule]:
+    def register(function: Rule) -> Rule:
+        RULES[name, arity] = function
         return function
 
     return register
@@ -42,64 +58,49 @@ def _goal(name: str, arity: int) -> Callable[[Goal], Goal]:
 # ---------------------------------------------------------------- control
 
 
-@_goal("true", 0)
-@_goal("otherwise", 0)
-def _true(_unfold: Unfolder, _args: Sequence[Sym], then: Continue) -> Tree:
-    return then()
+def control(unfold: Unfolder, goal: Goal, then: Continue) -> Tree:
+    """Return the solutions of a control construct."""
+    match goal:
+        case Truth(holds):
+            return then() if holds else FAIL
+        case Conjunction(goals):
+            return unfold.conjunction(goals, then)
+        case Disjunction(first, second):
+            return seq([unfold.solve(first, then), unfold.solve(second, then)])
+        case IfThenElse(condition, yes, no, soft):
+            if soft:
+                return _soft(unfold, goal, then)
+            return unfold.committed(
+                [condition], lambda: unfold.solve(yes, then), lambda: unfold.solve(no, then)
+            )
+        case Negation(inner):
+            return _not(unfold, inner, then)
+        case Opaque(inner):
+            return unfold.body([inner], then, lambda: FAIL)
+        case Findall(template, inner, result):
+            return _findall(unfold, template, inner, result, then)
+        case Derived(_, meaning):
+            return unfold.solve(meaning, then)
+        case NotCallable():
+            return require(unfold.pool.false, FAIL)  # the interpreter reports it
+        case Call() | Cut():
+            raise AssertionError("calls are solved, and cuts taken out of bodies, elsewhere")
 
 
-@_goal("fail", 0)
-@_goal("false", 0)
-def _fail(_unfold: Unfolder, _args: Sequence[Sym], _then: Continue) -> Tree:
-    return FAIL
+def _soft(unfold: Unfolder, goal: IfThenElse, then: Continue) -> Tree:
+    condition, yes = goal.condition, goal.then
+    yes_tree = unfold.body([condition], lambda: unfold.solve(yes, then), lambda: FAIL)
+    if goal.otherwise is FAILURE:
+        return yes_tree
+    tree = unfold.tree_of([condition])
+    found = unfold.fold.exists(tree)
+    undecided = unfold.fold.undecided(tree, whole=False)
+    no_tree = unfold.solve(goal.otherwise, then)
+    return require(unfold.pool.not_(undecided), branch(found, yes_tree, no_tree))
 
 
-@_goal(",", 2)
-def _and(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    return unfold.solve(args[0], lambda: unfold.solve(args[1], then))
-
-
-@_goal(";", 2)
-@_goal("|", 2)
-def _or(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    left = args[0]
-    if isinstance(left, Struct) and len(left.args) == 2 and left.name == "->":
-        cond, yes = left.args
-        return unfold.committed([cond], lambda: unfold.solve(yes, then), lambda: unfold.solve(args[1], then))
-    if isinstance(left, Struct) and len(left.args) == 2 and left.name == "*->":
-        cond, yes = left.args
-        tree = unfold.tree_of([cond])
-        found = unfold.fold.exists(tree)
-        undecided = unfold.fold.undecided(tree, whole=False)
-        yes_tree = unfold.solve(cond, lambda: unfold.solve(yes, then))
-        return require(unfold.pool.not_(undecided), branch(found, yes_tree, unfold.solve(args[1], then)))
-    return seq([unfold.solve(args[0], then), unfold.solve(args[1], then)])
-
-
-@_goal("->", 2)
-def _if_then(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    return unfold.committed([args[0]], lambda: unfold.solve(args[1], then), lambda: FAIL)
-
-
-@_goal("*->", 2)
-def _soft_if_then(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    return unfold.solve(args[0], lambda: unfold.solve(args[1], then))
-
-
-@_goal("once", 1)
-def _once(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    return unfold.committed([args[0]], then, lambda: FAIL)
-
-
-@_goal("ignore", 1)
-def _ignore(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    return unfold.committed([args[0]], then, then)
-
-
-@_goal("\\+", 1)
-@_goal("not", 1)
-def _not(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    tree = unfold.tree_of([args[0]])
+def _not(unfold: Unfolder, goal: Goal, then: Continue) -> Tree:
+    tree = unfold.tree_of([goal])
     undecided = unfold.fold.undecided(tree, whole=False)
     absent = unfold.pool.not_(unfold.fold.exists(tree))
     return require(
@@ -107,10 +108,9 @@ def _not(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     )
 
 
-@_goal("forall", 2)
-def _forall(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    counterexample = Struct(",", (args[0], Struct("\\+", (args[1],))))
-    return _not(unfold, [counterexample], then)
+@_rule("otherwise", 0)
+def _otherwise(_unfold: Unfolder, _args: Sequence[Sym], then: Continue) -> Tree:
+    return then()
 
 
 def _call(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
@@ -124,23 +124,32 @@ def _call(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return unfold.called(called, then)
 
 
-GOALS.update({("call", arity): _call for arity in range(1, 9)})
+RULES.update({("call", arity): _call for arity in range(1, 9)})
 
 
-@_goal(":", 2)
+@_rule(":", 2)
 def _qualified(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return _call(unfold, args[1:], then)
+
+
+def _named(name: str, *args: Sym) -> Goal:
+    return Call(name, args, Struct(name, args), None)
+
+
+def _given(term: Sym) -> Goal:
+    """Return a goal that a builtin is given; what a variable is bound to is called in the program."""
+    return Call("call", (term,), term, None) if isinstance(term, Var) else read_body(term)
 
 
 # ---------------------------------------------------------------- unification and comparison of terms
 
 
-@_goal("=", 2)
+@_rule("=", 2)
 def _unify(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return unfold.unified(args[0], args[1], then)
 
 
-@_goal("\\=", 2)
+@_rule("\\=", 2)
 def _not_unify(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     with unfold.undone():
         conds: list[Node] = []
@@ -148,12 +157,12 @@ def _not_unify(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return guard(unfold.pool.not_(same), then())
 
 
-@_goal("==", 2)
+@_rule("==", 2)
 def _identical(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return guard(unfold.identical(args[0], args[1]), then())
 
 
-@_goal("\\==", 2)
+@_rule("\\==", 2)
 def _not_identical(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return guard(unfold.pool.not_(unfold.identical(args[0], args[1])), then())
 
@@ -163,7 +172,7 @@ def _type_test(name: str, holds: Callable[[Sym], bool | Node]) -> None:
         result = holds(resolve(args[0]))
         return guard(result if isinstance(result, Node) else unfold.pool.const(result), then())
 
-    GOALS[name, 1] = test
+    RULES[name, 1] = test
 
 
 def _kind(term: Sym) -> str:
@@ -197,12 +206,12 @@ _type_test("callable", lambda term: _kind(term) in ("atom", "compound"))
 _type_test("is_list", _is_list)
 
 
-@_goal("integer", 1)
+@_rule("integer", 1)
 def _integer(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return guard(_of_kind(unfold, args[0], "int"), then())
 
 
-@_goal("float", 1)
+@_rule("float", 1)
 def _float(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return guard(_of_kind(unfold, args[0], "float"), then())
 
@@ -218,7 +227,7 @@ def _of_kind(unfold: Unfolder, term: Sym, kind: str) -> Node:
 # ---------------------------------------------------------------- arithmetic
 
 
-@_goal("is", 2)
+@_rule("is", 2)
 def _is(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     def assign(_arithmetic: Arithmetic, value: Node) -> Tree:
         return unfold.unified(args[0], value.data if value.is_const else value, then)
@@ -235,46 +244,40 @@ def _comparison(name: str) -> None:
 
         return unfold.evaluated(args, test)
 
-    GOALS[name, 2] = compare
+    RULES[name, 2] = compare
 
 
 for _name in COMPARISONS:
     _comparison(_name)
 
 
-@_goal("between", 3)
+@_rule("between", 3)
 def _between(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     low, high, value = map(resolve, args)
     if not isinstance(value, Var):
         if _kind(value) != "int" or _kind(low) != "int" or _kind(high) != "int":
             unfold.refuse("between/3 with bounds or a value that are not surely integers")
-        order = Struct(",", (Struct(">=", (value, low)), Struct("=<", (value, high))))
-        return unfold.solve(order, then)
+        return unfold.conjunction([_named(">=", value, low), _named("=<", value, high)], then)
     if not isinstance(low, int) or not isinstance(high, int) or high - low >= _MOST_STEPS:
         unfold.refuse(f"between/3 needs constant integer bounds, at most {_MOST_STEPS} apart")
     return seq([unfold.unified(value, step, then) for step in range(low, high + 1)])
 
 
-@_goal("succ", 2)
+@_rule("succ", 2)
 def _succ(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     low, high = map(resolve, args)
     if _kind(low) == "int":
-        return unfold.solve(
-            Struct(",", (Struct(">=", (low, 0)), Struct("is", (high, Struct("+", (low, 1)))))), then
-        )
+        return unfold.conjunction([_named(">=", low, 0), _named("is", high, Struct("+", (low, 1)))], then)
     if _kind(high) == "int" and isinstance(low, Var):
-        return unfold.solve(
-            Struct(",", (Struct(">", (high, 0)), Struct("is", (low, Struct("-", (high, 1)))))), then
-        )
+        return unfold.conjunction([_named(">", high, 0), _named("is", low, Struct("-", (high, 1)))], then)
     return require(unfold.pool.false, FAIL)
 
 
 # ---------------------------------------------------------------- all solutions
 
 
-@_goal("findall", 3)
-def _findall(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    tree = unfold.tree_of([args[1]], [args[0]], counting=True)
+def _findall(unfold: Unfolder, template: Sym, goal: Goal, result: Sym, then: Continue) -> Tree:
+    tree = unfold.tree_of([goal], [template], counting=True)
     undecided = unfold.fold.undecided(tree, whole=True)
     found: Sym = Bag(tree)
     if not has_each(tree):
@@ -283,24 +286,24 @@ def _findall(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
             found = NIL
             for _, terms in reversed(items):
                 found = Struct(".", (terms[0], found))
-    return require(unfold.pool.not_(undecided), unfold.unified(args[2], found, then))
+    return require(unfold.pool.not_(undecided), unfold.unified(result, found, then))
 
 
-@_goal("aggregate_all", 3)
+@_rule("aggregate_all", 3)
 def _aggregate_all(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    spec = resolve(args[0])
+    spec, goal, result = resolve(args[0]), _given(args[1]), args[2]
     if isinstance(spec, Atom) and spec.name == "count":
-        return _count(unfold, args[1], args[2], then)
+        return _count(unfold, goal, result, then)
     if isinstance(spec, Struct) and spec.name == "bag" and len(spec.args) == 1:
-        return _findall(unfold, [spec.args[0], args[1], args[2]], then)
+        return _findall(unfold, spec.args[0], goal, result, then)
     if isinstance(spec, Struct) and spec.name == "count" and len(spec.args) == 1:
-        return _count(unfold, args[1], args[2], then)
+        return _count(unfold, goal, result, then)
     if isinstance(spec, Struct) and spec.name == "sum" and len(spec.args) == 1:
-        return _sum(unfold, spec.args[0], args[1], args[2], then)
+        return _sum(unfold, spec.args[0], goal, result, then)
     if isinstance(spec, Struct) and spec.name in ("min", "max") and len(spec.args) in (1, 2):
-        return _extreme(unfold, spec, args[1], args[2], then)
+        return _extreme(unfold, spec, goal, result, then)
     if isinstance(spec, Struct) and spec.name != "set":
-        return _aggregates(unfold, spec, args[1], args[2], then)
+        return _aggregates(unfold, spec, args[1], result, then)
     return unfold.refuse("aggregate_all/3 of anything but count, sum, min, max, bag and terms of these")
 
 
@@ -332,7 +335,7 @@ _AGGREGATES: Final = frozenset(
 )
 
 
-def _count(unfold: Unfolder, goal: Sym, result: Sym, then: Continue) -> Tree:
+def _count(unfold: Unfolder, goal: Goal, result: Sym, then: Continue) -> Tree:
     tree = unfold.tree_of([goal], counting=True)
     undecided = unfold.fold.undecided(tree, whole=True)
     number = unfold.fold.count(tree)
@@ -341,7 +344,7 @@ def _count(unfold: Unfolder, goal: Sym, result: Sym, then: Continue) -> Tree:
 
 
 def _with_value(
-    unfold: Unfolder, expression: Sym, goal: Sym, others: Sequence[Sym], *, counting: bool
+    unfold: Unfolder, expression: Sym, goal: Goal, others: Sequence[Sym], *, counting: bool
 ) -> Tree:
     """Return the solutions of a goal as the value of an expression and other terms."""
     before, unfold.counting = unfold.counting, counting
@@ -357,7 +360,7 @@ def _with_value(
         unfold.counting = before
 
 
-def _sum(unfold: Unfolder, expression: Sym, goal: Sym, result: Sym, then: Continue) -> Tree:
+def _sum(unfold: Unfolder, expression: Sym, goal: Goal, result: Sym, then: Continue) -> Tree:
     tree = _with_value(unfold, expression, goal, (), counting=True)
     undecided = unfold.fold.undecided(tree, whole=True)
     try:
@@ -371,7 +374,7 @@ def _sum(unfold: Unfolder, expression: Sym, goal: Sym, result: Sym, then: Contin
     return require(unfold.pool.not_(undecided), unfold.evaluated([value], bounded))
 
 
-def _extreme(unfold: Unfolder, spec: Struct, goal: Sym, result: Sym, then: Continue) -> Tree:
+def _extreme(unfold: Unfolder, spec: Struct, goal: Goal, result: Sym, then: Continue) -> Tree:
     tree = _with_value(unfold, spec.args[0], goal, spec.args[1:], counting=False)
     undecided = unfold.fold.undecided(tree, whole=True)
     try:
@@ -399,7 +402,7 @@ def _elements(unfold: Unfolder, term: Sym) -> list[Sym]:
     return items
 
 
-@_goal("member", 2)
+@_rule("member", 2)
 def _member(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     found = resolve(args[1])
     if isinstance(found, Bag):
@@ -407,12 +410,12 @@ def _member(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return seq([unfold.unified(args[0], item, then) for item in _elements(unfold, found)])
 
 
-@_goal("memberchk", 2)
+@_rule("memberchk", 2)
 def _memberchk(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
-    return unfold.committed([Struct("member", tuple(args))], then, lambda: FAIL)
+    return unfold.committed([_named("member", *args)], then, lambda: FAIL)
 
 
-@_goal("length", 2)
+@_rule("length", 2)
 def _length(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     found = resolve(args[0])
     if isinstance(found, Bag):
@@ -428,7 +431,7 @@ def _list_extreme(name: str, spec: str) -> None:
             unfold, [Struct(spec, (item,)), Struct("member", (item, args[0])), args[1]], then
         )
 
-    GOALS[name, 2] = extreme
+    RULES[name, 2] = extreme
 
 
 _list_extreme("min_list", "min")

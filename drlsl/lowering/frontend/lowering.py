@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from drlsl.logic import Engine
+from drlsl.logic.core import read_body
 from drlsl.logic.terms import Atom, Struct, Var
-from drlsl.lowering.frontend.goals import GOALS
+from drlsl.lowering.frontend.goals import RULES, control
 from drlsl.lowering.frontend.symbols import variables_of
 from drlsl.lowering.frontend.unfold import Unfolder, deep_recursion
 from drlsl.lowering.ir import (
@@ -92,7 +93,7 @@ def lower(engine: Engine, schema: Schema, queries: Sequence[Query]) -> Lowered:
         NotLowerable: a query reaches a rule that only the interpreter can run.
     """
     pool = Pool()
-    unfolder = Unfolder(engine.program, schema, pool, GOALS, iso=engine.flags.iso)
+    unfolder = Unfolder(engine.program, schema, pool, RULES, control, iso=engine.flags.iso)
     with deep_recursion():
         answers = tuple(_answer(unfolder, query) for query in queries)
     return Lowered(schema, pool, answers, unfolder.doubts)
@@ -102,7 +103,7 @@ def _answer(unfolder: Unfolder, query: Query) -> Answer:
     if unfolder.program.find(query.name, query.arity) is None:
         raise NotLowerable(str(query), None, "the program does not define it")
     arguments = tuple(Var(f"Argument{n + 1}") for n in range(query.arity))
-    goal = Struct(query.name, arguments) if arguments else Atom(query.name)
+    goal = read_body(Struct(query.name, arguments) if arguments else Atom(query.name))
     every = query.mode == "all"
     tree = unfolder.tree_of([goal], arguments, counting=every)
     fold = unfolder.fold

@@ -5,33 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from drlsl.logic.core import Clause
+from drlsl.logic.core import Clause, Goal, read_body
 from drlsl.logic.terms import Atom, Struct, Var
 from drlsl.lowering.ir import Bag, Node, Sym, map_terms
-
-
-def conjunction(goal: Sym) -> list[Sym]:
-    """Return the goals of a conjunction, in order; a variable is one goal, whatever it is bound to."""
-    if isinstance(goal, Var):
-        return [goal]
-    if isinstance(goal, Struct) and goal.name == "," and len(goal.args) == 2:
-        return [*conjunction(goal.args[0]), *conjunction(goal.args[1])]
-    return [goal]
-
-
-def is_atom(term: Sym, name: str) -> bool:
-    """Return whether a term is the atom of that name."""
-    return isinstance(term, Atom) and term.name == name
-
-
-def has_cut(goal: Sym) -> bool:
-    """Return whether a goal cuts its clause; the cut of a goal bound to a variable is local."""
-    if isinstance(goal, Struct) and len(goal.args) == 2:
-        if goal.name in (",", ";"):
-            return any(map(has_cut, goal.args))
-        if goal.name in ("->", "*->"):
-            return has_cut(goal.args[1])
-    return is_atom(goal, "!")
 
 
 def variables_of(terms: Sequence[Sym]) -> list[Var]:
@@ -53,7 +29,7 @@ def is_ground(term: Sym) -> bool:
     return not variables_of([term])
 
 
-def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Sym]:
+def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Goal]:
     """Return the head's arguments and the body with variables of their own."""
     fresh: dict[Sym, Sym] = {}
 
@@ -61,7 +37,7 @@ def renamed(clause: Clause) -> tuple[tuple[Sym, ...], Sym]:
         return fresh.setdefault(part, Var(names.get(part, "_"))) if isinstance(part, Var) else part
 
     names = {variable: name for name, variable in clause.names.items()}
-    return tuple(map_terms(visit, arg) for arg in clause.args), map_terms(visit, clause.body)
+    return tuple(map_terms(visit, arg) for arg in clause.args), read_body(map_terms(visit, clause.body))
 
 
 def call_key(term: Sym, numbers: dict[Sym, int]) -> Any:

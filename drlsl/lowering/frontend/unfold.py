@@ -13,14 +13,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, NoReturn, TypeAlias
 
-from drlsl.logic.core import Clause, Predicate, Program
+from drlsl.logic.core import (
+    Call,
+    Clause,
+    Cut,
+    Disjunction,
+    Goal,
+    IfThenElse,
+    Predicate,
+    Program,
+    cuts,
+    read_body,
+    steps,
+)
 from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Atom, Struct, Var
 from drlsl.lowering.frontend.symbols import (
     call_key,
-    conjunction,
-    has_cut,
-    is_atom,
     is_ground,
     renamed,
     variables_of,
@@ -87,8 +96,11 @@ def deep_recursion() -> Iterator[None]:
         sys.setrecursionlimit(limit)
 
 
-Goal: TypeAlias = Callable[["Unfolder", Sequence[Sym], Continue], Tree]
-"""Turns a control construct or a builtin into a tree of solutions."""
+Rule: TypeAlias = Callable[["Unfolder", Sequence[Sym], Continue], Tree]
+"""Turns a builtin into a tree of solutions."""
+
+Control: TypeAlias = Callable[["Unfolder", Goal, Continue], Tree]
+"""Turns a control construct into one."""
 
 
 class Unfolder:
@@ -99,11 +111,12 @@ class Unfolder:
         program: Program,
         schema: Schema,
         pool: Pool,
-        goals: Mapping[tuple[str, int], Goal],
+        rules: Mapping[tuple[str, int], Rule],
+        control: Control,
         *,
         iso: bool,
     ) -> None:
-        """Prepare unfolding; `goals` are the lowerable goals besides calls, by name and arity."""
+        """Prepare unfolding; `rules` has the lowerable builtins, `control` lowers control constructs."""
         self.program = program
         self.iso = iso
         self.schema = schema
@@ -111,7 +124,8 @@ class Unfolder:
         self.fold = Folder(pool)
         self.doubts: dict[Doubt, list[Node]] = {}
         self.counting = False  # whether the number of a goal's solutions matters
-        self._goals = goals
+        self._rules = rules
+        self._control = control
         self._trail: list[Var] = []
         self._calls: list[tuple[str, int]] = []
         self._clauses: list[Clause | None] = [None]
@@ -241,11 +255,11 @@ class Unfolder:
 
     # ---------------------------------------------------------------- bodies
 
-    def tree_of(self, goals: Sequence[Sym], emit: Sequence[Sym] = (), *, counting: bool = False) -> Tree:
+    def tree_of(self, goals: Sequence[Goal], emit: Sequence[Sym] = (), *, counting: bool = False) -> Tree:
         """Return the solutions of a separate conjunction, each as the terms of `emit`."""
         before, self.counting = self.counting, counting
         try:
-            return self.body(list(goals), lambda: self.emit(emit), lambda: FAIL)
+            return self.body(goals, lambda: self.emit(emit), lambda: FAIL)
         finally:
             self.counting = before
 
@@ -253,49 +267,50 @@ class Unfolder:
         """Return one solution."""
         return Emit(tuple(map_terms(lambda part: part, term) for term in terms))
 
-    def body(self, goals: list[Sym], then: Continue, rest: Continue) -> Tree:
+    def body(self, goals: Sequence[Goal], then: Continue, rest: Continue) -> Tree:
         """Return `then` for each solution of a clause's goals, then `rest` unless a cut was passed."""
-        goals = [part for goal in goals for part in conjunction(goal)]
-        place = next((n for n, goal in enumerate(goals) if has_cut(goal)), None)
+        goals = [part for goal in goals for part in steps(goal)]
+        place = next((n for n, goal in enumerate(goals) if cuts(goal)), None)
         if place is None:
             return seq([self.conjunction(goals, then), rest()])
-        prefix, goal, tail = goals[:place], resolve(goals[place]), goals[place + 1 :]
-        if is_atom(goal, "!"):
+        prefix, goal, tail = goals[:place], goals[place], goals[place + 1 :]
+        if isinstance(goal, Cut):
             if not prefix:
                 return self.body(tail, then, lambda: FAIL)
             return self.committed(prefix, lambda: self.body(tail, then, lambda: FAIL), rest)
         if prefix:
             with self.undone():
-                if not self.fold.single(self.tree_of(prefix, variables_of(prefix))):
+                if not self.fold.single(self.tree_of(prefix, _variables(prefix))):
                     self.refuse("a cut inside a disjunction, after goals with several solutions")
             return self.committed(prefix, lambda: self.body([goal, *tail], then, rest), rest)
+        assert isinstance(goal, Disjunction | IfThenElse)
         return self._control_with_cut(goal, tail, then, rest)
 
-    def _control_with_cut(self, goal: Struct, tail: list[Sym], then: Continue, rest: Continue) -> Tree:
+    def _control_with_cut(
+        self, goal: Disjunction | IfThenElse, tail: list[Goal], then: Continue, rest: Continue
+    ) -> Tree:
         """Return a disjunction or if-then-else that cuts the clause."""
-        left, right = goal.args
-        if goal.name == "->":
-            return self.committed([left], lambda: self.body([right, *tail], then, rest), rest)
-        if isinstance(left, Struct) and left.name == "->" and len(left.args) == 2:
-            cond, yes = left.args
-            return self.committed(
-                [cond],
-                lambda: self.body([yes, *tail], then, rest),
-                lambda: self.body([right, *tail], then, rest),
-            )
-        if isinstance(left, Struct) and left.name == "*->" and len(left.args) == 2:
+        if isinstance(goal, Disjunction):
+            other = goal.second
+            return self.body([goal.first, *tail], then, lambda: self.body([other, *tail], then, rest))
+        if goal.soft:
             self.refuse("a cut inside *->")
-        return self.body([left, *tail], then, lambda: self.body([right, *tail], then, rest))
+        yes, no = goal.then, goal.otherwise
+        return self.committed(
+            [goal.condition],
+            lambda: self.body([yes, *tail], then, rest),
+            lambda: self.body([no, *tail], then, rest),
+        )
 
-    def conjunction(self, goals: Sequence[Sym], then: Continue) -> Tree:
+    def conjunction(self, goals: Sequence[Goal], then: Continue) -> Tree:
         """Return the tree of `then` for each solution of goals without a cut."""
         if not goals:
             return then()
         return self.solve(goals[0], lambda: self.conjunction(goals[1:], then))
 
-    def committed(self, goals: Sequence[Sym], then: Continue, els: Continue) -> Tree:
+    def committed(self, goals: Sequence[Goal], then: Continue, els: Continue) -> Tree:
         """Return the tree of `then` for the first solution of `goals`, or of `els` if there is none."""
-        variables = variables_of(goals)
+        variables = _variables(goals)
         tree = self.tree_of(goals, variables)
         if isinstance(tree, Emit):
             return self._bound(variables, tree.terms, then)
@@ -343,18 +358,19 @@ class Unfolder:
 
     # ---------------------------------------------------------------- goals
 
-    def solve(self, goal: Sym, then: Continue) -> Tree:
+    def solve(self, goal: Goal, then: Continue) -> Tree:
         """Return the tree of `then` for each solution of a goal."""
-        if isinstance(goal, Var) and not isinstance(resolve(goal), Var):
-            return self.called(goal, then)
-        if isinstance(goal, Var | int | float | str | Node | Bag):
-            return require(self.pool.false, FAIL)
-        name, args = (goal.name, goal.args) if isinstance(goal, Struct) else (goal.name, ())
+        if isinstance(goal, Call):
+            return self._named(goal.name, goal.args, then)
+        return self._control(self, goal, then)
+
+    def _named(self, name: str, args: Sequence[Sym], then: Continue) -> Tree:
+        """Return the solutions of a fact relation, a builtin or a predicate."""
         relation = None if self._in_library else self.schema.find(name, len(args))
         if relation is not None:
             return self.facts(relation, args, then)
         predicate = None if self._in_library else self.program.find(name, len(args))
-        lowered = self._goals.get((name, len(args)))
+        lowered = self._rules.get((name, len(args)))
         if lowered is not None and predicate is None:
             return lowered(self, args, then)
         if predicate is None:
@@ -387,7 +403,7 @@ class Unfolder:
 
         self._in_library = False
         try:
-            return self.body([goal], resumed, lambda: FAIL)
+            return self.body([read_body(goal)], resumed, lambda: FAIL)
         finally:
             self._in_library = before
 
@@ -526,9 +542,9 @@ class Unfolder:
             if not all(self.unify(arg, given, conds) for arg, given in zip(head, args, strict=True)):
                 return rest
             test = self.pool.and_(conds)
-            cuts = has_cut(body)
-            tree = self.body([body], lambda: self.emit(args), lambda: rest if cuts else FAIL)
-        return branch(test, tree, rest) if cuts else seq([guard(test, tree), rest])
+            cut = cuts(body)
+            tree = self.body([body], lambda: self.emit(args), lambda: rest if cut else FAIL)
+        return branch(test, tree, rest) if cut else seq([guard(test, tree), rest])
 
     def splice(self, tree: Tree, args: Sequence[Sym], then: Continue) -> Tree:
         """Return the tree with that of `then` in place of each solution."""
@@ -562,3 +578,7 @@ class Unfolder:
                 if not self.unify(arg, map_terms(freshened, term), conds):
                     return FAIL
             return guard(self.pool.and_(conds), then())
+
+
+def _variables(goals: Sequence[Goal]) -> list[Var]:
+    return variables_of([goal.term for goal in goals])
