@@ -49,7 +49,7 @@ class StudyFolder:
             UserError: the folder holds another study or other files, or the inputs have changed since.
         """
         if (root / STUDY).is_file():
-            inputs = _inputs_to_go_on_with(root, study, inputs)
+            inputs = _inputs_to_resume_with(root, study, inputs)
         _refuse_foreign(root)
         _make_folders(root)
         _write_json(root / INPUTS, inputs)
@@ -182,7 +182,7 @@ def digest(paths: list[Path]) -> str:
     return total.hexdigest()
 
 
-def _inputs_to_go_on_with(root: Path, study: StudyConfig, inputs: Mapping[str, Any]) -> Mapping[str, Any]:
+def _inputs_to_resume_with(root: Path, study: StudyConfig, inputs: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the inputs of the existing study, or the new ones if the study was extended."""
     before = StudyFolder.open(root)
     if not study.extends(before.study):

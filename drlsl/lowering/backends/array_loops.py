@@ -371,7 +371,7 @@ class ArrayLoopPrinter(LoopPrinter):
         place = given.table if relation.single else f"{given.table}, {index}"
         return f"{given.columns[column].name}[{place}]"
 
-    def is_dear(self, node: Node) -> bool:
+    def is_expensive(self, node: Node) -> bool:
         return is_lookup(node)
 
     def assign(self, node: Node) -> str:

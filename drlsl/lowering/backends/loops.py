@@ -76,7 +76,7 @@ class LoopPrinter(PythonText):
     def is_none(self, name: str, relation: Relation) -> str:
         """Return the test whether a variable stands for no row."""
 
-    def is_dear(self, node: Node) -> bool:
+    def is_expensive(self, node: Node) -> bool:
         """Return whether a value gets a variable even if it is used once."""
         return False
 
@@ -302,7 +302,7 @@ class LoopPrinter(PythonText):
                 continue
             if node.op in QUANTIFIERS and not is_lookup(node):
                 self._nested(node)
-            elif uses[node] > 1 or self.is_dear(node):
+            elif uses[node] > 1 or self.is_expensive(node):
                 self.assign(node)
 
     def _in_scope(self, node: Node) -> bool:
