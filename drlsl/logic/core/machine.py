@@ -633,10 +633,9 @@ def run(machine: Machine, task: Task) -> Task:
         # A clause that compiled code returns to this often is worth compiling.
         if clause.predicate.cold:
             clause.predicate.cold -= 1
-        code = clause.code
-        if code is not None and code.patience:
-            code.patience -= 1
-            if not code.patience and machine.compiled:
+        elif clause.code is not None and clause.code.patience:
+            clause.code.patience -= 1
+            if not clause.code.patience and machine.compiled:
                 clause.predicate.program.resume(clause)
     choices = machine.choices
     following: Task

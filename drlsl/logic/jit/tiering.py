@@ -25,7 +25,7 @@ _DEEPEST_CLAUSE: Final = 60
 # A smaller clause is soon done with; its next call may find its predicate compiled.
 _LARGE: Final = 100
 # The cost of a return to a clause, as a part of the cost of a call.
-_REST: Final = 0.3
+_REST: Final = 0.15
 
 
 def cold_entry(linker: Resolver, predicate: Predicate) -> Any:
