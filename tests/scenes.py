@@ -112,6 +112,20 @@ def scenes(draw: st.DrawFn, most: int = 8) -> Scene:
     return Scene(on, ego, others, target)
 
 
+@st.composite
+def scenes_with_one_coming_fast(draw: st.DrawFn) -> Scene:
+    """A scene in which the ego keeps its lane, and a vehicle far behind comes nearer fast."""
+    scene = draw(scenes(most=2))
+    own = scene.road.lane(scene.ego.lane)
+    assert own is not None
+    ego = scene.ego._replace(y=own.centre, vy=0.0)
+    lane = draw(st.sampled_from(scene.road.lanes_of(own.direction)))
+    speed = abs(ego.vx) + draw(st.floats(7.0, 11.0))
+    x = ego.x - scene.forward * draw(st.floats(60.0, 99.0))
+    fast = Vehicle("fast", lane.id, x, lane.centre, scene.forward * speed, 0.0, 4.6, 1.9)
+    return replace(scene, ego=ego, vehicles=(*scene.vehicles, fast), target_lane=own.id)
+
+
 def turned(scene: Scene) -> Scene:
     """The scene with the road turned round: what ran right to left runs left to right."""
 

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from drlsl.cli import run
 from drlsl.driving.explain import objections
-from drlsl.driving.scene import Action, Scene, SceneBatch, Vehicle, load_scene
+from drlsl.driving.scene import Action, Scene, SceneBatch, load_scene
 from drlsl.driving.shield import Shield
 from tests.installed import TIERS
-from tests.scenes import scenes
+from tests.scenes import scenes_with_one_coming_fast
 
 CLAUSE = (
     "objection(Action, closes_in_fast(Car, V)) :-\n"
@@ -63,22 +62,8 @@ def test_one_clause_says_what_is_offered_and_why_not(shields: dict[str, Shield])
     assert "objection(left_lane_change,closes_in_fast(sports_car,8.1))" in proof.text()
 
 
-@st.composite
-def with_a_fast_one_behind(draw: st.DrawFn) -> Scene:
-    """A scene in which the ego keeps its lane, and a vehicle far behind comes nearer fast."""
-    scene = draw(scenes(most=2))
-    own = scene.road.lane(scene.ego.lane)
-    assert own is not None
-    ego = scene.ego._replace(y=own.centre, vy=0.0)
-    lane = draw(st.sampled_from(scene.road.lanes_of(own.direction)))
-    speed = abs(ego.vx) + draw(st.floats(7.0, 11.0))
-    x = ego.x - scene.forward * draw(st.floats(60.0, 99.0))
-    fast = Vehicle("fast", lane.id, x, lane.centre, scene.forward * speed, 0.0, 4.6, 1.9)
-    return replace(scene, ego=ego, vehicles=(*scene.vehicles, fast), target_lane=own.id)
-
-
 @settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
-@given(scene=with_a_fast_one_behind())
+@given(scene=scenes_with_one_coming_fast())
 def test_it_takes_away_what_it_objects_to_and_nothing_else(shields: dict[str, Shield], scene: Scene) -> None:
     before = DEFAULT.decide(scene)
     after = shields["interpreter"].decide(scene)

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from drlsl.driving.scene import Scene, Vehicle
 from drlsl.driving.shield import Shield
 from tests.properties.oracle import SECTIONS, Oracle, critical_distance
-from tests.scenes import scenes
+from tests.scenes import scenes, scenes_with_one_coming_fast
 
 MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
@@ -96,6 +96,13 @@ def test_reading_of_the_facts(shield: Shield, scene: Scene) -> None:
     for car in oracle.targets():
         (found,) = ask(shield, scene, f"speed(ego, V1), speed({car.id}, V2), critical_distance(V1, V2, C)")
         assert found["C"] == critical_distance(oracle.speed(scene.ego), oracle.speed(car))
+
+
+@MANY
+@given(scene=scenes_with_one_coming_fast())
+def test_actions_where_few_distances_forbid_one(shield: Shield, scene: Scene) -> None:
+    """Where lane changes are mostly offered, a reason too many shows."""
+    assert [action.atom for action in shield.decide(scene).safe_actions] == Oracle(scene).actions()
 
 
 @MANY
