@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
@@ -76,7 +74,6 @@ def verify(
     if solver is not Solver.Z3 and find_spec("cvc5") is None:
         raise UserError(f"--solver {solver.value} needs cvc5: pip install 'drlsl[cvc5]'")
     from drlsl.verify import Request
-    from drlsl.verify import verify as run
     from drlsl.verify.attack import SCENES
 
     check_new(out)
@@ -90,8 +87,7 @@ def verify(
         attack=SCENES if attack is None else attack,
         solver=solver.value,
     )
-    with _progress() as progress:
-        report = run(request, progress)
+    report = _run(request)
     if out is not None:
         _write_scenes(request, report, out)
     if as_json:
@@ -102,19 +98,18 @@ def verify(
         raise typer.Exit(1)
 
 
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on stderr, on a terminal only."""
-    if not sys.stderr.isatty():
-        yield lambda _done, _all: None
-        return
+def _run(request: Request) -> Report:
+    """Verify, with a bar on a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from drlsl.verify import verify as run
+
+    console = Console(stderr=True)
     columns = (TextColumn("roads"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("roads", total=None)
-        yield lambda done, every: bar.update(task, completed=done, total=every)
+        return run(request, lambda done, every: bar.update(task, completed=done, total=every))
 
 
 def _as_json(report: Report, request: Request) -> dict[str, object]:

@@ -12,9 +12,6 @@ from typing import Final
 from drlsl.logic.builtins.arguments import atom, attempt, indicator, indicators, unqualified
 from drlsl.logic.core import (
     CONNECTIVES,
-    CONTROL_BUILTINS,
-    DET_BUILTINS,
-    NONDET_BUILTINS,
     Caller,
     Clause,
     Deep,
@@ -25,6 +22,7 @@ from drlsl.logic.core import (
     check_body,
     copy_term,
     det,
+    is_builtin,
     joined,
     nondet,
     run_deep,
@@ -37,12 +35,6 @@ from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref, is_acyclic
 
 # Trying a clause takes as long as this many steps of a walk.
 _STEPS_OF_CLAUSE: Final = 10
-
-
-def is_builtin(name: str, arity: int) -> bool:
-    """Return whether the engine itself provides a predicate that no program may change."""
-    key = name, arity
-    return key in DET_BUILTINS or key in NONDET_BUILTINS or key in CONTROL_BUILTINS
 
 
 def name_term(name: str, arity: int) -> Struct:

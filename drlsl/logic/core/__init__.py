@@ -38,6 +38,7 @@ from drlsl.logic.core.builtin_table import (
     builtin_indicators,
     control,
     det,
+    is_builtin,
     nondet,
     quick,
 )
@@ -193,6 +194,7 @@ __all__ = [
     "index_key",
     "inside",
     "interpret",
+    "is_builtin",
     "is_ground",
     "joined",
     "leave_catch",

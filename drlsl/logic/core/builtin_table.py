@@ -70,6 +70,11 @@ CONTROL_BUILTINS: dict[Indicator, Control] = {}
 QUICK: dict[Nondet, Callable[..., bool | None]] = {}
 
 
+def is_builtin(name: str, arity: int) -> bool:
+    """Return whether the engine itself provides a predicate, which no program may change."""
+    return any((name, arity) in table for table in (DET_BUILTINS, NONDET_BUILTINS, CONTROL_BUILTINS))
+
+
 def builtin_indicators() -> set[Indicator]:
     """Return name and arity of every built-in predicate and control construct."""
     return {*DET_BUILTINS, *NONDET_BUILTINS, *CONTROL_BUILTINS}
