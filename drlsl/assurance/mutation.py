@@ -31,7 +31,7 @@ from drlsl.logic import Engine, Limits, PrologError
 from drlsl.logic.builtins import split_clause
 from drlsl.logic.core import Clause
 from drlsl.logic.syntax import read_term
-from drlsl.logic.terms import Atom, Struct, Term, deref
+from drlsl.logic.terms import names
 from drlsl.lowering.ir import NotLowerable
 
 LIMITS: Final = Limits(inferences=300_000)
@@ -253,8 +253,8 @@ class _Reach:
         self._engine = engine
         self._names: dict[str, set[str]] = {}
         for name, arity in engine.predicates():
-            names = self._names.setdefault(name, set())
-            names.update(each for clause in engine.clauses(name, arity) for each in _names(clause.body))
+            known = self._names.setdefault(name, set())
+            known.update(each for clause in engine.clauses(name, arity) for each in names(clause.body))
         self._known: dict[Question, frozenset[str]] = {}
 
     def reaches(self, question: Question, name: str) -> bool:
@@ -262,27 +262,16 @@ class _Reach:
         known = self._known.get(question)
         if known is None:
             goal = self._engine.read_goal(question.goal).term
-            known = self._known[question] = self._closure(set(_names(goal)))
+            known = self._known[question] = self._closure(set(names(goal)))
         return name in known
 
-    def _closure(self, names: set[str]) -> frozenset[str]:
-        todo = list(names)
+    def _closure(self, called: set[str]) -> frozenset[str]:
+        todo = list(called)
         while todo:
-            for name in self._names.get(todo.pop(), set()) - names:
-                names.add(name)
+            for name in self._names.get(todo.pop(), set()) - called:
+                called.add(name)
                 todo.append(name)
-        return frozenset(names)
-
-
-def _names(term: Term) -> Iterator[str]:
-    todo = [term]
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Atom:
-            yield term.name
-        elif type(term) is Struct:
-            yield term.name
-            todo.extend(term.args)
+        return frozenset(called)
 
 
 # ---------------------------------------------------------------------- many mutants

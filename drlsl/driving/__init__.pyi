@@ -1,4 +1,4 @@
-from .config import EnvConfig
+from .config import EnvConfig, Section
 from .envs import HighwayEnv, HighwayVectorEnv, make_env, make_vec
 from .scene import Action, Scene
 from .shield import Decision, Shield
@@ -13,6 +13,7 @@ __all__ = [
     "HighwayEnv",
     "HighwayVectorEnv",
     "Scene",
+    "Section",
     "Shield",
     "StressReport",
     "make_env",

@@ -25,13 +25,17 @@ PREDICTION_HORIZON: Final = 3.0
 Name: TypeAlias = Annotated[str, Field(min_length=1)]
 
 
-class RewardConfig(BaseModel):
+class Section(BaseModel):
+    """A frozen group of settings that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RewardConfig(Section):
     """Weights and shape of the reward.
 
     Source: paper, Reward Function.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     lane_change: float = Field(5.0, ge=0, description="Weight of a started lane change (its term is -1).")
     velocity: float = Field(0.01, ge=0, description="Weight of the ego's speed in m/s, at every step.")
@@ -49,13 +53,11 @@ class RewardConfig(BaseModel):
     )
 
 
-class SensingConfig(BaseModel):
+class SensingConfig(Section):
     """Faults of what the ego sees of other vehicles; it knows its own state exactly. All 0: no faults.
 
     Contacts, and the gaps in which the ego enters, are those of the true state of the road.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     position_noise: float = Field(
         0.0, ge=0, description="Standard deviation in metres of the error of a place, along and across."
@@ -76,13 +78,11 @@ class SensingConfig(BaseModel):
         return bool(self.position_noise or self.speed_noise or self.drop_rate or self.latency)
 
 
-class EnvConfig(BaseModel):
+class EnvConfig(Section):
     """One driving environment.
 
     Shapes: observation (10,), action mask (3,).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     recording: Name | tuple[Name, ...] = Field(
         "highway-train",

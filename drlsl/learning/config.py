@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
-    ConfigDict,
     Field,
     JsonValue,
     ValidationError,
@@ -18,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-from drlsl.driving import EnvConfig
+from drlsl.driving import EnvConfig, Section
 from drlsl.errors import UserError
 from drlsl.files import YamlFile, parse_yaml, read_yaml, shown, to_yaml
 
@@ -49,13 +48,7 @@ Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 Width = Annotated[int, Field(ge=1, le=4096)]
 
 
-class _Section(BaseModel):
-    """A frozen group of settings that refuses unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class NetworkConfig(_Section):
+class NetworkConfig(Section):
     """The Q-network.
 
     Source: paper, Network and Hyperparameters.
@@ -106,7 +99,7 @@ class NetworkConfig(_Section):
         return self
 
 
-class LearningConfig(_Section):
+class LearningConfig(Section):
     """The Q-learning update and its replay memory.
 
     Source: paper, Algorithm 1 and Network and Hyperparameters.
@@ -143,7 +136,7 @@ class LearningConfig(_Section):
         return self
 
 
-class ScheduleConfig(_Section):
+class ScheduleConfig(Section):
     """Linear decay of the learning rate and the exploration rate, one step of it per episode.
 
     Source: paper, Network and Hyperparameters.
@@ -163,7 +156,7 @@ class ScheduleConfig(_Section):
     )
 
 
-class EvaluationConfig(_Section):
+class EvaluationConfig(Section):
     """Evaluation of a trained policy."""
 
     episodes: int = Field(default=50, ge=1, le=100_000, description="Episodes of `drlsl eval`.")
@@ -175,7 +168,7 @@ class EvaluationConfig(_Section):
     )
 
 
-class TrainConfig(_Section):
+class TrainConfig(Section):
     """Everything that determines the outcome of a training run; the defaults are the paper's values."""
 
     method: Method = Field(

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from drlsl.driving import EnvConfig
+from drlsl.driving import EnvConfig, Section
 from drlsl.errors import UserError
 from drlsl.files import parse_yaml, read_yaml, to_yaml
 from drlsl.learning import TrainConfig, make_config, merged, preset_names, preset_values, with_value
@@ -22,11 +22,7 @@ US_101 = re.compile(r"us-?101", re.IGNORECASE)
 """Paths of recordings of the paper's third scenario."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class MethodConfig(_Section):
+class MethodConfig(Section):
     """One way to train."""
 
     label: str = Field(min_length=1, description="Its label in the report.")
@@ -36,7 +32,7 @@ class MethodConfig(_Section):
     paper: PaperMethod | None = Field(default=None, description="The method of the paper to compare with.")
 
 
-class ScenarioConfig(_Section):
+class ScenarioConfig(Section):
     """Traffic to test every policy in, exactly as it was trained."""
 
     label: str = Field(min_length=1, description="Its label in the report.")
@@ -50,7 +46,7 @@ class ScenarioConfig(_Section):
     paper: PaperTest | None = Field(default=None, description="The paper's scenario to compare with.")
 
 
-class SweepConfig(_Section):
+class SweepConfig(Section):
     """A setting of the environment, such as a sensing fault, varied on top of one of the tests."""
 
     label: str = Field(min_length=1, description="Label of the setting in the report, with its unit.")
@@ -61,7 +57,7 @@ class SweepConfig(_Section):
     values: tuple[float, ...] = Field(min_length=1, description="Values of the setting.")
 
 
-class StudyConfig(_Section):
+class StudyConfig(Section):
     """Everything that determines what a study reports."""
 
     seeds: int = Field(default=3, ge=1, le=1_000, description="Trainings of each method, seeds 0, 1, …")

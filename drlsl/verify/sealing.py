@@ -6,16 +6,16 @@ changed how these are read, a property would mean something else than its file s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, TypeAlias
 
 from drlsl.driving.shield import consult_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
-from drlsl.logic.core import Clause, Indicator
+from drlsl.logic.core import Clause, Indicator, variant
 from drlsl.logic.loading import builtin, library
-from drlsl.logic.terms import Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import Struct, names
 
 DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4))
 """The predicates that files of properties declare; each of several files may have clauses of them."""
@@ -72,7 +72,7 @@ def _clauses(engine: Engine) -> dict[Indicator, list[Clause]]:
 
 def _check_rules(own: _Clauses, wanted: _Clauses) -> None:
     """Check that the rules leave the predicates of the properties alone."""
-    mentioned = {name for clauses in wanted.values() for clause in clauses for name in _names(clause.body)}
+    mentioned = {name for clauses in wanted.values() for clause in clauses for name in names(clause.body)}
     for key, clauses in own.items():
         name = f"{key[0]}/{key[1]}"
         if key in wanted or key in _RESERVED:
@@ -117,32 +117,6 @@ def _place(clauses: Sequence[Clause]) -> str:
     return next((str(clause.span) for clause in clauses if clause.span is not None), "a directive")
 
 
-def _names(term: Term) -> Iterator[str]:
-    """Yield the names of the atoms and compound terms in a term."""
-    open_ = [term]
-    while open_:
-        part = deref(open_.pop())
-        if isinstance(part, Struct):
-            yield part.name
-            open_.extend(part.args)
-        elif isinstance(part, Atom):
-            yield part.name
-
-
 def _alike(one: Clause, other: Clause) -> bool:
     """Return whether two clauses are the same up to the names of variables."""
-    pairs: dict[Var, Var] = {}
-    back: dict[Var, Var] = {}
-    open_: list[tuple[Term, Term]] = [(one.head, other.head), (one.body, other.body)]
-    while open_:
-        left, right = map(deref, open_.pop())
-        if isinstance(left, Var) and isinstance(right, Var):
-            if pairs.setdefault(left, right) is not right or back.setdefault(right, left) is not left:
-                return False
-        elif isinstance(left, Struct) and isinstance(right, Struct):
-            if left.name != right.name or len(left.args) != len(right.args):
-                return False
-            open_.extend(zip(left.args, right.args, strict=True))
-        elif type(left) is not type(right) or repr(left) != repr(right):
-            return False
-    return True
+    return variant(Struct(":-", (one.head, one.body)), Struct(":-", (other.head, other.body)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from drlsl.logic.builtins.arguments import prefix
@@ -21,6 +22,7 @@ from drlsl.logic.terms import (
     format_atom,
     format_term,
     is_acyclic,
+    parts,
 )
 
 _INDENT = "    "
@@ -120,15 +122,11 @@ def _conjuncts(goal: Term) -> Iterator[Term]:
 
 
 def _variable_names(term: Term, meter: Meter) -> dict[int, str]:
-    counts: dict[int, int] = {}
-    todo = [term]
-    while todo:
+    counts: Counter[int] = Counter()
+    for part in parts(term):
         meter.spend(1)
-        part = deref(todo.pop())
         if isinstance(part, Var):
-            counts[id(part)] = counts.get(id(part), 0) + 1
-        elif isinstance(part, Struct):
-            todo.extend(part.args)
+            counts[id(part)] += 1
     names: dict[int, str] = {}
     number = 0
     for variable in term_variables(term, meter):

@@ -14,6 +14,8 @@ from drlsl.logic.terms.term import (
     deref,
     is_acyclic,
     make_list,
+    names,
+    parts,
 )
 from drlsl.logic.terms.term_writer import format_atom, format_float, format_term, variable_name
 
@@ -36,7 +38,9 @@ __all__ = [
     "format_term",
     "is_acyclic",
     "make_list",
+    "names",
     "parse_digits",
+    "parts",
     "product_seconds",
     "variable_name",
 ]

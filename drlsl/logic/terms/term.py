@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Final, TypeAlias
 
 
@@ -147,6 +147,21 @@ def deref(term: Term) -> Term:
             return term
         term = ref
     return term
+
+
+def parts(term: Term) -> Iterator[Term]:
+    """Yield a term and all that is inside it, dereferenced, from left to right; what is shared, each time."""
+    todo = [term]
+    while todo:
+        part = deref(todo.pop())
+        yield part
+        if isinstance(part, Struct):
+            todo.extend(reversed(part.args))
+
+
+def names(term: Term) -> Iterator[str]:
+    """Yield the names of the atoms and compound terms in a term."""
+    return (part.name for part in parts(term) if isinstance(part, Atom | Struct))
 
 
 def make_list(items: Iterable[Term], tail: Term = NIL) -> Term:
