@@ -11,7 +11,7 @@ from typing import Final, Literal, TypeAlias
 from drlsl.driving.scene import SCHEMA, Road, Scene, Vehicle, facts_of
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import Node
-from drlsl.verify import RANGES
+from drlsl.verify import RANGES, decimal
 from drlsl.verify.smt import (
     Algebra,
     Bool,
@@ -49,7 +49,7 @@ class Lever:
 def place_lever(scene: Scene, car: Vehicle) -> Lever:
     """Return the lever of a vehicle's x [m], forward for the ego, up to just out of radar range."""
     sign, offset = _offset(scene, car)
-    reach = _exact(scene.road.radar_range) + BEYOND
+    reach = decimal(scene.road.radar_range) + BEYOND
     return Lever(car.id, "x", sign, -reach - offset, reach - offset)
 
 
@@ -65,7 +65,7 @@ def place_lever_on_its_side(scene: Scene, car: Vehicle) -> Lever:
 def speed_lever(scene: Scene, car: Vehicle) -> Lever:
     """Return the lever of a vehicle's speed in its direction [m/s], from 0 to the highest of `RANGES`."""
     sign = _heading(car, scene.road, _heading(scene.ego, scene.road, 1))
-    speed = sign * _exact(car.vx)
+    speed = sign * decimal(car.vx)
     _, highest = RANGES["ego_speed" if car is scene.ego else "speed"]
     return Lever(car.id, "vx", sign, -speed, max(Fraction(0), highest - speed))
 
@@ -75,19 +75,14 @@ def changed(scene: Scene, levers: Sequence[Lever], amounts: Sequence[Fraction]) 
     cars = {car.id: car for car in (scene.ego, *scene.vehicles)}
     for lever, amount in zip(levers, amounts, strict=True):
         car = cars[lever.vehicle]
-        number = float(_exact(getattr(car, lever.quantity)) + lever.sign * amount)
+        number = float(decimal(getattr(car, lever.quantity)) + lever.sign * amount)
         cars[car.id] = car._replace(x=number) if lever.quantity == "x" else car._replace(vx=number)
     return replace(scene, ego=cars[scene.ego.id], vehicles=tuple(cars[car.id] for car in scene.vehicles))
 
 
-def _exact(number: float) -> Fraction:
-    """Return a float as the decimal fraction that it is printed as, which is its value in formulas."""
-    return Fraction(repr(number))
-
-
 def _offset(scene: Scene, car: Vehicle) -> tuple[int, Fraction]:
     """Return the sign of x that is forward for the ego, and how far a vehicle is ahead of it [m]."""
-    return scene.forward, scene.forward * (_exact(car.x) - _exact(scene.ego.x))
+    return scene.forward, scene.forward * (decimal(car.x) - decimal(scene.ego.x))
 
 
 def _heading(car: Vehicle, road: Road, otherwise: int) -> int:
@@ -192,7 +187,7 @@ class OpenScene:
     def _is_seen(self, car: Vehicle) -> Bool:
         algebra, ring, ego = self.algebra, self.algebra.ring, self.scene.ego
         dx = ring.subtract(self._numbers[car.id, "x"], algebra.number(ego.x))
-        dy = ring.const(_exact(car.y) - _exact(ego.y))
+        dy = ring.const(decimal(car.y) - decimal(ego.y))
         reach = algebra.number(self.scene.road.radar_range)
         distance = ring.add(ring.multiply(dx, dx), ring.multiply(dy, dy))
         return algebra.at_least(ring.multiply(reach, reach), distance)
@@ -202,14 +197,15 @@ class OpenScene:
     def only(self, truth: Bool, levers: Sequence[Lever]) -> Bool:
         """Return a formula with all levers but these left unchanged."""
         algebra = self.algebra
-        kept = {_number(self.change(lever)) for lever in levers}
+        kept = {self.change(lever).only_unknown for lever in levers}
         result = _Restriction(algebra, {n for n in range(self._levers) if n not in kept}).of(truth)
-        if any(_unknowns(leaf) - set(range(self._levers)) for leaf in leaves([result])):
+        compared = [leaf for leaf in leaves([result]) if leaf.op != "flag"]
+        if any(unknown >= self._levers for leaf in compared for unknown in leaf.data.unknowns):
             # a root or quotient that is an unknown of its own is defined for all levers
             still = [
                 algebra.equal(change, algebra.zero)
                 for change in self._changes.values()
-                if _number(change) not in kept
+                if change.only_unknown not in kept
             ]
             return algebra.booleans.and_([result, *still])
         return result
@@ -220,7 +216,7 @@ class OpenScene:
         parts = []
         for one, other in self._pairs({vehicle for vehicle, quantity in numbers if quantity == "x"}):
             here, there = (numbers.get((car.id, "x")) or algebra.number(car.x) for car in (one, other))
-            room = ring.const((_exact(one.length) + _exact(other.length)) / 2)
+            room = ring.const((decimal(one.length) + decimal(other.length)) / 2)
             sides = (ring.subtract(here, there), ring.subtract(there, here))
             parts.append(algebra.booleans.or_(algebra.less(room, side) for side in sides))
         return algebra.booleans.and_(parts)
@@ -230,10 +226,10 @@ class OpenScene:
         for number, one in enumerate(self._cars):
             for other in self._cars[number + 1 :]:
                 if one.id in movable or other.id in movable:
-                    length = _exact(one.length) + _exact(other.length)
-                    width = _exact(one.width) + _exact(other.width)
-                    across = abs(_exact(one.y) - _exact(other.y)) <= width / 2
-                    if across and abs(_exact(one.x) - _exact(other.x)) > length / 2:
+                    length = decimal(one.length) + decimal(other.length)
+                    width = decimal(one.width) + decimal(other.width)
+                    across = abs(decimal(one.y) - decimal(other.y)) <= width / 2
+                    if across and abs(decimal(one.x) - decimal(other.x)) > length / 2:
                         yield one, other
 
 
@@ -280,19 +276,6 @@ class _Restriction:
             if not powers:
                 kept[monomial] = factor
         return self._algebra.ring.make(kept)
-
-
-def _number(unknown: Polynomial) -> int:
-    """Return the number of the unknown that the polynomial consists of."""
-    ((((number, _),), _),) = unknown.terms.items()
-    return number
-
-
-def _unknowns(leaf: Bool) -> set[int]:
-    """Return the numbers of the unknowns in a comparison."""
-    if leaf.op == "flag":
-        return set()
-    return {unknown for monomial in leaf.data.terms for unknown, _ in monomial}
 
 
 class Question:
@@ -344,7 +327,7 @@ class Question:
             raise GaveUp("the time limit" if timed_out else f"the solver gave up: {outcome.reason}")
         if outcome.model is None:
             return None
-        return [outcome.model.numbers.get(_number(change), Fraction(0)) for change in self._changes]
+        return [outcome.model.numbers.get(change.only_unknown, Fraction(0)) for change in self._changes]
 
     def _within(self, most: Fraction) -> Bool:
         """Return the condition that the amounts add up to at most `most`, whatever their signs."""

@@ -1,6 +1,6 @@
 from .gallery import write_counterexample
 from .prove import Prover, Status, Task
-from .ranges import NAMES, RANGES, Case
+from .ranges import NAMES, RANGES, Case, decimal
 from .report import Report, Request, Result, verify
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "Result",
     "Status",
     "Task",
+    "decimal",
     "verify",
     "write_counterexample",
 ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +18,7 @@ from drlsl.logic.terms import Atom, Struct, deref
 from drlsl.lowering.frontend import Query
 from drlsl.lowering.ir import FLOAT_BOUND, Relation, Schema
 from drlsl.verify.images import expand, undefined_calls
-from drlsl.verify.ranges import RANGES, Range
+from drlsl.verify.ranges import RANGES, Range, decimal
 from drlsl.verify.sealing import consult_sealed
 from drlsl.verify.smt import FOCUS
 
@@ -135,7 +134,7 @@ def _range(word: str, name: str, low: object, high: object) -> Range:
         raise UserError(f"{word}({name}, {low}, {high}): expected two numbers, the lower first")
     if max(abs(low), abs(high)) > FLOAT_BOUND:
         raise UserError(f"{word}({name}, {low}, {high}): expected numbers from -1e15 to 1e15")
-    return Fraction(repr(low)), Fraction(repr(high))
+    return decimal(low), decimal(high)
 
 
 def _unknowns(engine: Engine) -> tuple[dict[str, str], dict[str, Range]]:

@@ -68,6 +68,11 @@ NAMES: Final = {
 """Descriptions of the ranges."""
 
 
+def decimal(value: float) -> Fraction:
+    """Return what proofs take a number for: a float is the decimal fraction that it prints as."""
+    return Fraction(repr(value)) if isinstance(value, float) else Fraction(value)
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """One kind of road, the ego's lane, and its target lane.

@@ -20,7 +20,7 @@ from drlsl.logic.terms import Atom
 from drlsl.lowering.backends import Rows
 from drlsl.traffic import Direction, Floats, Integers, Lane, Mask
 from drlsl.verify.attack.sampling import OF_A_VEHICLE, Drawn, Layout, lane_centres
-from drlsl.verify.ranges import Case
+from drlsl.verify.ranges import Case, decimal
 from drlsl.verify.smt import NOBODY, Rational
 
 ExactFacts: TypeAlias = dict[tuple[str, int], list[tuple[Any, ...]]]
@@ -191,7 +191,7 @@ def exact_facts(layout: Layout, drawn: Drawn) -> ExactFacts | None:
     }
     single: Mapping[str, Rational] = {
         **{name: value[name] for name in ("time_step", "radar_range")},
-        **{name: Fraction(repr(limit)) for name, limit in EGO_LIMITS.items()},
+        **{name: decimal(limit) for name, limit in EGO_LIMITS.items()},
         **{name: exact[layout.unknown[name]] for name in unknowns},
     }
     facts.update({(name, 1): [(number,)] for name, number in single.items()})

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
+from drlsl.verify.ranges import decimal
+
 _OUTWARD: Final = 1 + 2.0**-48
 """Share of an error bound that its own computation may lose at most."""
 
@@ -102,13 +104,13 @@ def between(low: Fraction, high: Fraction) -> Approximation:
 @functools.cache
 def constant(value: float) -> Approximation:
     """Return the approximation of a double that stands for the decimal fraction that it prints as."""
-    decimal = Fraction(repr(value)) if isinstance(value, float) else Fraction(value)
+    exact = decimal(value)
     try:
         double = float(value)
     except OverflowError:
         return ANY
-    off = outward(abs(Fraction(double) - decimal))[1]
-    return Approximation(*outward(decimal), off, unit=value in (-1, 0, 1))
+    off = outward(abs(Fraction(double) - exact))[1]
+    return Approximation(*outward(exact), off, unit=value in (-1, 0, 1))
 
 
 def half_ulp(magnitude: float) -> float:

@@ -59,6 +59,17 @@ class Polynomial:
             return 0
         return self.terms.get(ONE) if len(self.terms) == 1 else None
 
+    @property
+    def unknowns(self) -> dict[int, None]:
+        """The numbers of its unknowns, in order."""
+        return dict.fromkeys(unknown for monomial in self.terms for unknown, _ in monomial)
+
+    @property
+    def only_unknown(self) -> int:
+        """The number of the unknown that it is."""
+        ((((number, _),), _),) = self.terms.items()
+        return number
+
     def __repr__(self) -> str:
         return " + ".join(
             "*".join([str(factor), *(f"u{unknown}^{power}" for unknown, power in monomial)])

@@ -204,8 +204,7 @@ class Solver:
         if leaf.op == "flag":
             yield from self._scene.about.get(leaf.data, ())
             return
-        polynomial: Polynomial = leaf.data
-        for unknown in dict.fromkeys(unknown for monomial in polynomial.terms for unknown, _ in monomial):
+        for unknown in leaf.data.unknowns:
             yield from self._algebra.definitions.get(unknown, ())
 
     # ---------------------------------------------------------------- to z3 and back

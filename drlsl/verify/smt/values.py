@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Final, TypeAlias
 
+from drlsl.verify.ranges import decimal
 from drlsl.verify.smt.booleans import Bool, Booleans, leaves
 from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rational, Ring
 
@@ -90,7 +91,7 @@ class Algebra:
 
     def number(self, value: float) -> Polynomial:
         """Return a constant; a float stands for the decimal fraction that it prints as."""
-        return self.ring.const(Fraction(repr(value)) if isinstance(value, float) else Fraction(value))
+        return self.ring.const(decimal(value))
 
     def assume(self, truth: Bool) -> None:
         """Record that a comparison, or the negation of one, is true from now on."""
@@ -174,7 +175,7 @@ class Algebra:
         return self.ring.unknown(f"{name}_{len(self.ring.unknowns)}", *bounds)
 
     def _define(self, unknown: Polynomial, truth: Bool) -> None:
-        self.definitions.setdefault(_only_unknown(unknown), []).append(truth)
+        self.definitions.setdefault(unknown.only_unknown, []).append(truth)
 
     def indicator(self, cond: Bool) -> Polynomial:
         """Return 1 if the condition holds, else 0."""
@@ -294,7 +295,7 @@ class Algebra:
         if known is None:
             known = self._new("sqrt", _root_interval(self.ring.interval(square)))
             self._unknowns["sqrt", square.number] = known
-            raw = self.ring.subtract(self.ring.make({((_only_unknown(known), 2),): 1}), square)
+            raw = self.ring.subtract(self.ring.make({((known.only_unknown, 2),): 1}), square)
             # an undefined root has no constraint: scenes that do not use it stay possible
             self._define(known, self.booleans.implies(self.at_least(square, self.zero), self._zero(raw)))
             self._define(known, self.at_least(known, self.zero))
@@ -508,13 +509,6 @@ class Algebra:
         return self._normal("zero", polynomial)
 
 
-def _only_unknown(polynomial: Polynomial) -> int:
-    """Return the number of the unknown that the polynomial consists of."""
-    ((monomial, _),) = polynomial.terms.items()
-    ((unknown, _),) = monomial
-    return unknown
-
-
 def _least_powers(polynomial: Polynomial) -> dict[int, int]:
     """Return, by unknown, the power common to all monomials, or the most negative one.
 
@@ -524,7 +518,7 @@ def _least_powers(polynomial: Polynomial) -> dict[int, int]:
     if len(monomials) == 1 and [power for _, power in monomials[0]] in ([], [1]):
         return {}
     result: dict[int, int] = {}
-    for unknown in dict.fromkeys(unknown for monomial in monomials for unknown, _ in monomial):
+    for unknown in polynomial.unknowns:
         powers = [dict(monomial).get(unknown, 0) for monomial in monomials]
         result[unknown] = min(powers)
     return result
