@@ -117,19 +117,12 @@ class Algebra:
 
     def extreme(self, least: bool, members: Iterable[tuple[Bool, Value]]) -> Value:
         """Return the least or greatest of the values whose conditions hold."""
-        and_, false = self.booleans.and_, self.booleans.false
-        flat: dict[tuple[int, _Key], tuple[Bool, Value]] = {}
-        for guard, value in members:
-            inner = [(guard, value)]
-            if isinstance(value, Extreme) and value.least is least:
-                inner = [(and_((guard, other)), part) for other, part in value.members]
-            for one, part in inner:
-                if one is not false:
-                    flat[one.number, key(part)] = (one, part)
-        kept = [
-            flat[place]
-            for place in sorted(flat, key=lambda place: (place[1][0].__name__, place[1][1], place[0]))
-        ]
+        false = self.booleans.false
+        distinct = {
+            (guard.number, key(value)): (guard, value) for guard, value in members if guard is not false
+        }
+        order = sorted(distinct, key=lambda place: (place[1][0].__name__, place[1][1], place[0]))
+        kept = [distinct[place] for place in order]
         kept = self._undominated(least, kept)
         if not kept:
             return self.zero
@@ -210,15 +203,6 @@ class Algebra:
         for left, right in ((one, other), (other, one)):
             if isinstance(left, Choice):
                 return self.choose(left.cond, self.add(left.then, right), self.add(left.els, right))
-        if isinstance(one, Extreme) and isinstance(other, Extreme) and one.least is other.least:
-            return self.extreme(
-                one.least,
-                [
-                    (self.booleans.and_((guard, beside)), self.add(value, addend))
-                    for guard, value in one.members
-                    for beside, addend in other.members
-                ],
-            )
         return self.add(one, self.as_unknown(other))
 
     def scale(self, value: Value, factor: Rational) -> Value:
