@@ -2,8 +2,10 @@
 
 A value is a polynomial, a choice between two values, or the least or greatest of some. Comparisons are
 pushed through choices and extremes down to polynomials, divisions are cleared and single square roots
-squared, so that the signs of polynomials remain. Only the product or root of a choice or extreme makes it an
-unknown of its own, with its definition beside it.
+squared, so that the signs of polynomials remain. Only the product or root of a choice or extreme, or the sum
+of two extremes, makes it an unknown of its own, with its definition beside it.
+
+Each of these parts pays: without it, properties are no longer proved (docs/verify.md, How it works).
 """
 
 from __future__ import annotations
