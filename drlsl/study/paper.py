@@ -10,8 +10,6 @@ PaperMethod = Literal["DQN", "MPSDQN", "DQNSL"]
 PaperTest = Literal["left_to_right", "right_to_left", "ngsim"]
 
 METHODS: Final[tuple[PaperMethod, ...]] = ("DQN", "MPSDQN", "DQNSL")
-EPISODES: Final = 50
-"""Episodes of each cell of Table 1."""
 
 TEST_LABELS: Final[Mapping[PaperTest, str]] = {
     "left_to_right": "highD, left to right",

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cmp_to_key
 from sys import getrefcount
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from drlsl.logic.limits import Meter
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
@@ -28,13 +28,8 @@ _LARGE_TEXT: Final = 1 << 11
 _WEIGHED: Final = frozenset({int, str})
 
 
-class Undoable(Protocol):
-    """A trail entry: setting `ref` to None undoes the change."""
-
-    ref: Any
-
-
 Trail = list[Any]
+"""What was done, the latest last: setting `ref` of an entry to None undoes it."""
 
 
 class UndoCall:
