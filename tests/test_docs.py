@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from scripts.cli_reference import reference
+from scripts.follow_clause import walk
 from tests.installed import needs_torch
 
 ROOT = Path(__file__).parents[1]
@@ -38,6 +39,10 @@ def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
 
 def test_the_reference_of_the_commands_is_current() -> None:
     assert (ROOT / "docs" / "cli.md").read_text(encoding="utf-8") == reference()
+
+
+def test_the_page_on_lowering_follows_a_clause_as_the_code_does() -> None:
+    assert walk() in (ROOT / "docs" / "lowering.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
