@@ -28,8 +28,8 @@ def _declare_comparison(name: str, holds: Callable[[Any, Any], bool]) -> None:
         return holds(*of_one_type(evaluate(left, machine), evaluate(right, machine)))
 
 
-for _name, _holds in COMPARISONS.items():
-    _declare_comparison(_name, _holds)
+for _name, _row in COMPARISONS.items():
+    _declare_comparison(_name, _row.holds)
 
 
 @det("succ", 2)

@@ -84,6 +84,6 @@ def _comparison(holds: Callable[[Any, Any], bool]) -> InPlace:
 
 ARITHMETIC: Final[dict[Any, InPlace]] = {
     DET_BUILTINS["is", 2]: _is,
-    **{DET_BUILTINS[name, 2]: _comparison(holds) for name, holds in COMPARISONS.items()},
+    **{DET_BUILTINS[name, 2]: _comparison(row.holds) for name, row in COMPARISONS.items()},
 }
 """Deterministic builtins that need no terms, as functions of a clause's frame."""

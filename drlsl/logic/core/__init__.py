@@ -1,16 +1,6 @@
 """The machine that runs clauses: unification, the clause store, arithmetic and the table of builtins."""
 
-from drlsl.logic.core.arithmetic import (
-    BINARY,
-    COMPARISONS,
-    UNARY,
-    Number,
-    comparison,
-    evaluate,
-    generator,
-    of_one_type,
-    to_float,
-)
+from drlsl.logic.core.arithmetic import evaluate
 from drlsl.logic.core.body import (
     CALL,
     CONTINUATION,
@@ -42,6 +32,7 @@ from drlsl.logic.core.builtin_table import (
     nondet,
     quick,
 )
+from drlsl.logic.core.checked_functions import Number, generator, of_one_type, to_float
 from drlsl.logic.core.clauses import Clause, Indicator, Predicate, Program, index_key
 from drlsl.logic.core.dcg import translate_body, translate_rule
 from drlsl.logic.core.goal_tree import (
@@ -98,6 +89,15 @@ from drlsl.logic.core.machine import (
     try_all,
 )
 from drlsl.logic.core.nesting import Deep, run_deep
+from drlsl.logic.core.operations import (
+    BINARY,
+    COMPARISONS,
+    NODES,
+    OPERATIONS,
+    UNARY,
+    Operation,
+    instantiated,
+)
 from drlsl.logic.core.tabling import call_table, variant_key
 from drlsl.logic.core.unification import (
     Trail,
@@ -131,8 +131,10 @@ __all__ = [
     "GOAL_ARGUMENTS",
     "HEIGHT",
     "IN_PLACE",
+    "NODES",
     "NONDET",
     "NONDET_BUILTINS",
+    "OPERATIONS",
     "PROCEED_NODE",
     "QUICK",
     "RESUME",
@@ -163,6 +165,7 @@ __all__ = [
     "NotCallable",
     "Number",
     "Opaque",
+    "Operation",
     "Pattern",
     "Predicate",
     "Program",
@@ -178,7 +181,6 @@ __all__ = [
     "check_division",
     "collect",
     "compare",
-    "comparison",
     "compile_clause",
     "conjuncts",
     "control",
@@ -193,6 +195,7 @@ __all__ = [
     "generator",
     "index_key",
     "inside",
+    "instantiated",
     "interpret",
     "is_builtin",
     "is_ground",

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 from drlsl.logic.core import (
     CALL,
     CLAUSE,
+    COMPARISONS,
     CONTROL,
     DET,
     FAILURE,
@@ -42,7 +43,7 @@ from drlsl.logic.errors import type_error
 from drlsl.logic.jit.code_writer import Function, Module, Scope, build, ensure
 from drlsl.logic.jit.fact_rows import emit_row_match
 from drlsl.logic.jit.guards import Guard
-from drlsl.logic.jit.inline_arithmetic import COMPARISONS, emit_comparison, emit_is
+from drlsl.logic.jit.inline_arithmetic import emit_comparison, emit_is
 from drlsl.logic.jit.term_matching import emit_deref, emit_unify
 from drlsl.logic.terms import Struct, Term, Var, deref, make_list
 

@@ -14,9 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from drlsl.logic.core import Call, Clause, Cut, Goal, Truth, conjuncts
+from drlsl.logic.core import COMPARISONS, Call, Clause, Cut, Goal, Truth, conjuncts
 from drlsl.logic.jit.code_writer import Function, Scope, build
-from drlsl.logic.jit.inline_arithmetic import COMPARISONS
 from drlsl.logic.jit.term_matching import Fail, emit_deref, emit_match
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from drlsl.logic.core import BINARY, UNARY, comparison
+from drlsl.logic.core import BINARY, COMPARISONS, OPERATIONS, UNARY, of_one_type
 from drlsl.logic.jit.code_writer import Function, Scope, build
 from drlsl.logic.jit.term_matching import Fail
 from drlsl.logic.terms import Struct, Term, Var, deref
 
-COMPARISONS = {"=:=": "==", "=\\=": "!=", "<": "<", "=<": "<=", ">": ">", ">=": ">="}
-_COMPARE = {name: comparison(name) for name in COMPARISONS}
-_INLINE = {"+": "+", "-": "-", "*": "*"}
+_INLINE = {name: row.infix[0] for (name, _), row in OPERATIONS.items() if row.kind == "ring" and row.infix}
 # Products of integers below this are fast; larger ones are accounted for.
 _LARGEST_FACTOR = 1 << 60
 _DEEPEST = 30
@@ -104,11 +102,13 @@ def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fa
 def emit_comparison(function: Function, scope: Scope, name: str, args: Sequence[Term]) -> str:
     """Return the lines before, and the test for, an arithmetic comparison."""
     left, right = (emit_value(function, scope, arg) for arg in args)
-    test = f"{left} {COMPARISONS[name]} {right}"
+    comparison = COMPARISONS[name]
+    test = f"{left} {comparison.text} {right}"
     if all(_is_integer(part, scope) for part in (left, right)) or any(map(_is_exact, (left, right))):
         return test
-    compare = function.module.namespace.name("Q", _COMPARE[name])
-    return f"({test} if type({left}) is type({right}) else {compare}({left}, {right}))"
+    holds = function.module.namespace.name("Q", comparison.holds)
+    alike = function.module.namespace.name("Q", of_one_type)
+    return f"({test} if type({left}) is type({right}) else {holds}(*{alike}({left}, {right})))"
 
 
 def _is_exact(expression: str) -> bool:

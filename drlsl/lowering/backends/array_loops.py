@@ -6,26 +6,32 @@ a mask of the existing rows, and the index of each scene's table. A row is repre
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
-from drlsl.lowering.backends.loop_ops import MATH, NO_INTEGER, OPS
+from drlsl.logic.core import Operation
+from drlsl.lowering.backends.loop_ops import CALLED, NO_INTEGER
 from drlsl.lowering.backends.loops import Item, LoopPrinter
-from drlsl.lowering.backends.python_text import ATOMIC, CALLS, CHOICE, COMPARISON, OR, is_lookup, lookup_value
+from drlsl.lowering.backends.python_text import (
+    ATOMIC,
+    CHOICE,
+    COMPARISON,
+    OR,
+    is_defined,
+    is_lookup,
+    lookup_value,
+)
 from drlsl.lowering.frontend import Form, Lowered, array_forms, atom_codes
 from drlsl.lowering.ir import QUANTIFIERS, SMALL, Names, Node, Relation, reach, relation_of
 
 Kind: TypeAlias = Literal["bool", "int", "float"]
 
 _RESERVED: Final = (
-    *OPS,
-    *MATH,
+    *CALLED,
     "abs",
     "answer",
     "float",
-    "inf",
-    "nan",
     "range",
     "scene",
     "scenes",
@@ -77,21 +83,6 @@ class ArrayLoopPrinter(LoopPrinter):
     followed by `undecided` and `outputs`: for each form its value and, unless it is `holds`, the mask of the
     scenes in which it fails.
     """
-
-    twice: ClassVar[Collection[str]] = ()
-    calls: ClassVar[Mapping[str, str]] = {
-        **CALLS,
-        "max": "greater",
-        "min": "lesser",
-        "select": "choose",
-        "floordiv": "floor_quotient",
-        "mod": "floor_rest",
-        "isign": "integer_sign",
-        "sqrt": "root",
-        "ceiling": "ceiling",
-        "truncate": "truncate",
-        "round": "nearest",
-    }
 
     def __init__(self, lowered: Lowered) -> None:
         self.forms = array_forms(lowered)
@@ -357,11 +348,17 @@ class ArrayLoopPrinter(LoopPrinter):
             return f"abs({self.text(node.args[0], CHOICE)}) <= {node.data!r}", COMPARISON
         return super().truth(node)
 
-    def division(self, node: Node) -> tuple[str, int]:
-        text, own = super().division(node)
-        if own == CHOICE:
-            return f"quotient({', '.join(self.text(arg, CHOICE) for arg in node.args)})", ATOMIC
-        return text, own
+    def repeats(self, node: Node) -> bool:
+        return False
+
+    def operation(self, row: Operation, node: Node) -> tuple[str, int]:
+        # some divisors of integers make the processor trap
+        if row.infix and (not row.guard or (node.kind == "float" and is_defined(row, node))):
+            return self.infix(row, node)
+        return self.call(row, node)
+
+    def choice(self, cond: Node, then: Node, els: Node) -> tuple[str, int]:
+        return f"choose({', '.join(self.text(part, CHOICE) for part in (cond, then, els))})", ATOMIC
 
     def atom(self, name: str) -> str:
         return str(self.codes[name])

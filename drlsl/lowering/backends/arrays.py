@@ -13,39 +13,13 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
 from drlsl.lowering.backends.sparse import Conjunctions, mask_parts, plan_sparse
 from drlsl.lowering.frontend import Lowered, array_forms, atom_codes
 from drlsl.lowering.ir import QUANTIFIERS, SMALL, Names, Node, Pool, Relation, conjuncts, reach, relation_of
 
-_INFIX: Final = {
-    "add": ("+", 11),
-    "sub": ("-", 11),
-    "mul": ("*", 12),
-    "div": ("/", 12),
-    "bitand": ("&", 9),
-    "bitxor": ("^", 8),
-    "bitor": ("|", 7),
-    "both": ("&", 9),
-    "or": ("|", 7),
-}
-_CALLS: Final = {
-    "abs": "absolute",
-    "ceiling": "ceiling",
-    "floor": "floor",
-    "floordiv": "floor_divide",
-    "isign": "sign",
-    "max": "maximum",
-    "min": "minimum",
-    "mod": "remainder",
-    "round": "rounded",
-    "select": "choose",
-    "sign": "sign",
-    "sqrt": "sqrt",
-    "tofloat": "to_float",
-    "truncate": "truncate",
-    "truncdiv": "truncated",
-}
+_JOINTS: Final = {"both": ("&", 9), "or": ("|", 7)}
 _REDUCTIONS: Final = {
     "any": "exists",
     "count": "count",
@@ -228,13 +202,16 @@ class ArrayPrinter:
         """Return the operation of a node on the texts of its operands."""
         if _is_by_constant(node):
             return f"xp.divide({', '.join(args)})"
-        if node.op in _INFIX:
-            return f"({f' {_INFIX[node.op][0]} '.join(args)})"
+        if node.op in NODES:
+            text, own = _operation(NODES[node.op], args)
+            return text if own == _ATOMIC else f"({text})"
+        if node.op in _JOINTS:
+            return f"({f' {_JOINTS[node.op][0]} '.join(args)})"
         if node in self._twins:
             return f"({args[0]} < xp.inf)"
         if node.op == "and":
             return args[0]
-        return f"xp.{_CALLS[node.op]}({', '.join(args)})"
+        return f"xp.choose({', '.join(args)})"
 
     def _assign_sparse(self, node: Node) -> None:
         """Assign a quantifier whose costly parts are computed only for rows that pass the cheap ones."""
@@ -358,21 +335,21 @@ class ArrayPrinter:
             return f"{self._text(node.args[0], 12)} * {1.0 / node.args[1].data!r}", 12
         if _is_by_constant(node):
             return f"xp.divide({', '.join(self._aligned(arg, axes, _LOOSE) for arg in node.args)})", _ATOMIC
-        if node.op in _INFIX:
-            sign, own = _INFIX[node.op]
+        if node.op in NODES:
+            row = NODES[node.op]
+            infix = not row.arrays and row.infix
+            strengths = [infix[1] + place for place in (0, 1)] if infix else [_LOOSE] * row.arity
+            parts = zip(node.args, strengths[: row.arity], strict=True)
+            return _operation(row, [self._aligned(arg, axes, strength) for arg, strength in parts])
+        if node.op in _JOINTS:
+            sign, own = _JOINTS[node.op]
             first, *others = node.args
             texts = [self._aligned(first, axes, own), *(self._aligned(arg, axes, own + 1) for arg in others)]
             return f" {sign} ".join(texts), own
-        if node.op in _CALLS:
+        if node.op == "select":
             args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
-            if node.op == "select" and node.kind == "float" and all(arg.is_const for arg in node.args[1:]):
-                return f"xp.constants({args})", _ATOMIC
-            return f"xp.{_CALLS[node.op]}({args})", _ATOMIC
-        if node.op == "function":
-            args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
-            return f"xp.function({node.data!r}, {args})", _ATOMIC
-        if node.op == "neg":
-            return f"-{self._text(node.args[0], _UNARY)}", _UNARY
+            constants = node.kind == "float" and all(arg.is_const for arg in node.args[1:])
+            return f"xp.{'constants' if constants else 'choose'}({args})", _ATOMIC
         return self._truth(node, axes)
 
     def _expression_or_name(self, node: Node) -> tuple[str, int]:
@@ -440,6 +417,16 @@ _HINTS: Final = {
     "max_of": "greatest",
     "both": "mask",
 }
+
+
+def _operation(row: Operation, args: Sequence[str]) -> tuple[str, int]:
+    """Return an arithmetic operation on the texts of its arguments, and its precedence."""
+    if row.arrays:
+        return f"xp.{row.arrays}({', '.join(args)})", _ATOMIC
+    if row.infix is None:
+        return f"xp.function({row.node!r}, {', '.join(args)})", _ATOMIC
+    sign, own = row.infix
+    return (f"{args[0]} {sign} {args[1]}" if row.arity == 2 else f"{sign}{args[0]}"), own
 
 
 def _is_small(rows: Node) -> bool:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from inspect import isfunction
 from typing import Any, Final
 
 import numpy as np
 
+from drlsl.logic.core import NODES
 from drlsl.lowering.backends.numpy_ops import Array, Mask
-from drlsl.lowering.ir import FLOAT_BOUND, FUNCTIONS, INT_BOUND, sign, truncated
+from drlsl.lowering.ir import FLOAT_BOUND, INT_BOUND
 
 NO_INTEGER: Final = 2**63 - 1
 """Beyond every valid integer."""
@@ -120,80 +122,28 @@ def choose(cond: bool, then: float, els: float) -> float:
     return then if cond else els
 
 
-def lesser(left: float, right: float) -> float:
-    """Return the lesser number; of equal ones the right, as in Prolog (visible in the sign of a zero)."""
-    return left if left < right else right
-
-
-def greater(left: float, right: float) -> float:
-    """Return the greater of two numbers; of equal ones the left, as in Prolog."""
-    return left if left >= right else right
-
-
-def quotient(left: float, right: float) -> float:
-    """Return the quotient; NaN for a zero divisor."""
-    return left / right if right != 0.0 else math.nan
-
-
-def root(value: float) -> float:
-    """Return the square root; NaN if it is undefined."""
-    return math.sqrt(value) if value >= 0.0 else math.nan
-
-
-def floor(value: float) -> int:
-    """Return the integer not above; 0 if it is out of bounds."""
-    return math.floor(value) if -INT_BOUND <= value <= INT_BOUND else 0
-
-
-def ceiling(value: float) -> int:
-    """Return the integer not below; 0 if it is out of bounds."""
-    return math.ceil(value) if -INT_BOUND <= value <= INT_BOUND else 0
-
-
-def truncate(value: float) -> int:
-    """Return the integer toward zero; 0 if it is out of bounds."""
-    return int(value) if -INT_BOUND <= value <= INT_BOUND else 0
-
-
-def nearest(value: float) -> int:
-    """Return the nearest integer, a half upward in magnitude; 0 if it is out of bounds."""
-    whole = floor(value)
-    rest = value - whole
-    return whole + 1 if rest > 0.5 or (rest == 0.5 and value > 0.0) else whole
-
-
-def floor_quotient(left: int, right: int) -> int:
-    """Return integer division downward; 0 for a zero divisor. Division by -1 may overflow the processor's."""
-    if right == -1:
-        return -left
-    return left // right if right != 0 else 0
-
-
-def floor_rest(left: int, right: int) -> int:
-    """Return the remainder of that division."""
-    return left % right if right not in (0, -1) else 0
-
-
-def integer_sign(value: int) -> int:
-    """Return 1, 0 or -1."""
-    return 1 if value > 0 else -1 if value < 0 else 0
-
+_HERE: Final[list[Callable[..., Any]]] = [
+    *(filled, alike, fits, table_of, places, blank, choose),
+    *(is_sound_float, is_sound_integer, floats_are_sound, integers_are_sound, keys_differ, place_of),
+]
 
 OPS: Final[dict[str, Callable[..., Any]]] = {
-    function.__name__: function
-    for function in (
-        *(filled, alike, fits, table_of, places, blank),
-        *(is_sound_float, is_sound_integer, floats_are_sound, integers_are_sound, keys_differ, place_of),
-        *(choose, lesser, greater, quotient, root, floor, ceiling, truncate, nearest),
-        *(floor_quotient, floor_rest, integer_sign, sign, truncated),
-    )
+    **{function.__name__: function for function in _HERE},
+    **{
+        row.compute.__name__: row.compute
+        for row in NODES.values()
+        if isfunction(row.compute) and not row.library
+    },
 }
-"""Operations by their name in generated code."""
+"""What is compiled as it stands, by the name that generated code knows."""
 
-MATH: Final[dict[str, Callable[..., float]]] = {
-    f"math_{name}": function for name, function in FUNCTIONS.items()
+LIBRARY: Final = {row.compute.__name__: row for row in NODES.values() if row.library}
+"""The operations that are called through Python, by the name that generated code knows."""
+
+CALLED: Final[dict[str, Any]] = {
+    **OPS,
+    **{name: row.compute for name, row in LIBRARY.items()},
+    "inf": math.inf,
+    "nan": math.nan,
 }
-"""Functions of the C library, by their name in generated code."""
-
-CALLED: Final[dict[str, Any]] = {**OPS, **MATH, "inf": math.inf, "nan": math.nan}
-"""The names that the text of `ArrayLoopPrinter` uses."""
+"""What the text of `ArrayLoopPrinter` knows."""

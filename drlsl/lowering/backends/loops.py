@@ -296,7 +296,7 @@ class LoopPrinter(PythonText):
         uses = Counter(later)
         for node in reach(later, self.known):
             for arg in node.args:
-                uses[arg] += 2 if node.op in self.twice and not arg.is_const else 1
+                uses[arg] += 2 if self.repeats(node) and not arg.is_const else 1
         for node in reach(now, self.known):
             if node in self.known or node.op in _TRIVIAL or not self._in_scope(node):
                 continue

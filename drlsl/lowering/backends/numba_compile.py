@@ -24,10 +24,10 @@ from numba import types
 from numba.extending import overload, register_jitable
 
 from drlsl.files import written_whole
+from drlsl.logic.core import NODES, Operation
 from drlsl.lowering.backends import loop_ops
 from drlsl.lowering.backends.array_loops import ArrayLoopPrinter, Kind, Parameter
-from drlsl.lowering.backends.loop_ops import CALLED, MATH, OPS
-from drlsl.lowering.ir import rounded
+from drlsl.lowering.backends.loop_ops import CALLED, LIBRARY, OPS
 
 _LOG: Final = logging.getLogger(__name__)
 _TYPES: Final[dict[Kind, Any]] = {"bool": types.boolean, "int": types.int64, "float": types.float64}
@@ -138,7 +138,7 @@ def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
 
 def _digest(text: str) -> str:
     digest = hashlib.sha256(f"{numba.__version__}\n{text}".encode())
-    for called in (str(loop_ops.__file__), inspect.getfile(rounded)):
+    for called in (str(loop_ops.__file__), inspect.getfile(NODES["round"].compute)):
         digest.update(Path(called).read_bytes())
     return digest.hexdigest()[:24]
 
@@ -161,17 +161,17 @@ def _make_known() -> Sequence[Any]:
     """
     for function in OPS.values():
         register_jitable(function)
-    return [_make_math_known(name, function) for name, function in MATH.items()]
+    return [_make_library_known(name, row) for name, row in LIBRARY.items()]
 
 
-def _make_math_known(name: str, function: Callable[..., float]) -> Any:
-    takes_two = name == "math_pow"
-    numbers_ = [ctypes.c_double] * (2 if takes_two else 1)
-    callback = ctypes.CFUNCTYPE(ctypes.c_double, *numbers_)(function)
+def _make_library_known(name: str, row: Operation) -> Any:
+    whole = row.kind == "whole"
+    number, word = (types.int64, ctypes.c_int64) if whole else (types.float64, ctypes.c_double)
+    callback = ctypes.CFUNCTYPE(word, *[word] * row.arity)(row.compute)
     llvmlite.binding.add_symbol(f"drlsl_{name}", ctypes.cast(callback, ctypes.c_void_p).value)
-    called = types.ExternalFunction(f"drlsl_{name}", types.float64(*[types.float64] * len(numbers_)))
-    if takes_two:
-        overload(function)(lambda left, right: lambda left, right: called(left, right))
+    called = types.ExternalFunction(f"drlsl_{name}", number(*[number] * row.arity))
+    if row.arity == 2:
+        overload(row.compute)(lambda left, right: lambda left, right: called(left, right))
     else:
-        overload(function)(lambda value: lambda value: called(value))
+        overload(row.compute)(lambda value: lambda value: called(value))
     return callback

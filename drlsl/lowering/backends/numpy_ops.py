@@ -8,7 +8,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.lowering.ir import FUNCTIONS, rounded
+from drlsl.logic.core import NODES, Operation
 
 Array: TypeAlias = npt.NDArray[Any]
 Mask: TypeAlias = npt.NDArray[np.bool_]
@@ -206,8 +206,10 @@ class Ops:
         return np.trunc(value).astype(np.int64)
 
     def rounded(self, value: Array) -> Array:
-        """Return the nearest integers."""
-        return np.asarray(np.frompyfunc(rounded, 1, 1)(value)).astype(np.int64)
+        """Return the nearest integers, a half rounded away from zero."""
+        whole = np.trunc(value)
+        rest = value - whole
+        return (whole + (rest >= 0.5) - (rest <= -0.5)).astype(np.int64)
 
     def truncated(self, left: Array, right: Array) -> Array:
         """Return integer division toward zero."""
@@ -215,8 +217,18 @@ class Ops:
         return np.where((left < 0) == (right < 0), quotient, -quotient)
 
     def function(self, name: str, *values: Array) -> Array:
-        """Return a function of the C library, equal to the interpreter's in the last bit."""
-        return np.asarray(np.frompyfunc(FUNCTIONS[name], len(values), 1)(*values)).astype(self.dtype)
+        """Apply an operation to each number: as the interpreter does, for the last bit's sake."""
+        row = NODES[name]
+        made = np.asarray(np.frompyfunc(row.compute, row.arity, 1)(*values))
+        return made.astype(np.int64 if row.kind == "whole" else self.dtype)
+
+    def apply(self, row: Operation, *values: Array) -> Array:
+        """Apply an operation of the table."""
+        if row.arrays:
+            return np.asarray(getattr(self, row.arrays)(*values))
+        if row.infix is None:
+            return self.function(row.node, *values)
+        return np.asarray(row.compute(*values) if not row.divides else np.divide(*values))
 
 
 def _highest(value: Array) -> Any:

@@ -3,32 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
-from typing import ClassVar, Final
 
+from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import Names, Node, Relation, relation_of
 
-# text of an operation, and how strongly it binds
-_INFIX: Final = {
-    "add": ("+", 11),
-    "sub": ("-", 11),
-    "mul": ("*", 12),
-    "bitand": ("&", 9),
-    "bitxor": ("^", 8),
-    "bitor": ("|", 7),
-}
-_DIVISIONS: Final = {"div": ("/", "nan"), "floordiv": ("//", "0"), "mod": ("%", "0")}
-CALLS: Final = {
-    "abs": "abs",
-    "tofloat": "float",
-    "sign": "sign",
-    "floor": "floor",
-    "ceiling": "ceil",
-    "truncate": "trunc",
-    "round": "rounded",
-    "truncdiv": "truncated",
-}
 ATOMIC, UNARY, COMPARISON, NOT, AND, OR, CHOICE = 20, 13, 6, 5, 4, 3, 1
 
 
@@ -49,14 +28,14 @@ def lookup_value(node: Node) -> Node:
     return right if node.args[0] in left.free else left
 
 
+def is_defined(row: Operation, node: Node) -> bool:
+    """Return whether an operation is defined by the bounds of its arguments."""
+    last = node.args[-1]
+    return last.low > 0 or last.high < 0 if row.divides else last.low >= 0
+
+
 class PythonText(ABC):
     """Writes expressions, given the variables that hold some values."""
-
-    calls: ClassVar[Mapping[str, str]] = CALLS
-    """The functions of some operations."""
-
-    twice: ClassVar[Collection[str]] = ("min", "max", "div", "floordiv", "mod", "sqrt", "isign")
-    """The operations whose text names an argument twice."""
 
     def __init__(self, names: Names) -> None:
         self.names = names
@@ -96,26 +75,47 @@ class PythonText(ABC):
             return self.column(self.text(args[0], ATOMIC), *node.data), ATOMIC
         if is_lookup(node):
             return self.lookup(node)
-        if node.op in _INFIX:
-            sign, own = _INFIX[node.op]
-            return f"{self.text(args[0], own)} {sign} {self.text(args[1], own + 1)}", own
-        if node.op in self.calls or node.op == "function":
-            called = self.calls.get(node.op) or f"math_{node.data}"
-            return f"{called}({', '.join(self.text(arg, CHOICE) for arg in args)})", ATOMIC
-        if node.op in _DIVISIONS:
-            return self.division(node)
+        if node.op in NODES:
+            return self.operation(NODES[node.op], node)
         if node.kind == "bool":
             return self.truth(node)
-        return self._choice(node)
+        return self.choice(*args)
 
-    def division(self, node: Node) -> tuple[str, int]:
-        """Return the text of a division, and its precedence."""
-        sign, otherwise = _DIVISIONS[node.op]
+    def choice(self, cond: Node, then: Node, els: Node) -> tuple[str, int]:
+        """Return a choice between two values, and its precedence."""
+        return f"{self.text(then, OR)} if {self.text(cond, OR)} else {self.text(els, CHOICE)}", CHOICE
+
+    def repeats(self, node: Node) -> bool:
+        """Return whether the text of a node names an argument twice."""
+        row = NODES.get(node.op)
+        return row is not None and bool(row.guard or row.text.count("{0}") > 1)
+
+    def operation(self, row: Operation, node: Node) -> tuple[str, int]:
+        """Return an arithmetic operation, and its precedence."""
+        args = [self.text(arg, COMPARISON + 1) for arg in node.args]
+        if row.infix:
+            text, own = self.infix(row, node)
+        elif row.text:
+            text, own = row.text.format(*args), ATOMIC if row.guard else CHOICE
+        else:
+            return self.call(row, node)
+        if row.guard and not is_defined(row, node):
+            otherwise = "nan" if node.kind == "float" else "0"
+            return f"{text} if {row.guard.format(*args)} else {otherwise}", CHOICE
+        return text, own
+
+    def infix(self, row: Operation, node: Node) -> tuple[str, int]:
+        """Return an operation written between its arguments, or before the only one, and its precedence."""
+        assert row.infix is not None
+        sign, own = row.infix
+        if row.arity == 1:
+            return f"{sign}{self.text(node.args[0], own)}", own
         left, right = node.args
-        text = f"{self.text(left, 12)} {sign} {self.text(right, 13)}"
-        if right.low > 0 or right.high < 0:
-            return text, 12
-        return f"{text} if {self.text(right, OR)} else {otherwise}", CHOICE
+        return f"{self.text(left, own)} {sign} {self.text(right, own + 1)}", own
+
+    def call(self, row: Operation, node: Node) -> tuple[str, int]:
+        """Return a call of the function that computes an operation, and its precedence."""
+        return f"{row.compute.__name__}({', '.join(self.text(arg, CHOICE) for arg in node.args)})", ATOMIC
 
     def truth(self, node: Node) -> tuple[str, int]:
         """Return the text of a truth value, and its precedence."""
@@ -132,24 +132,3 @@ class PythonText(ABC):
             return f"not {self.text(args[0], NOT)}", NOT
         left, right = (self.text(arg, COMPARISON + 1) for arg in args)
         return f"{left} {'<' if node.op == 'lt' else '=='} {right}", COMPARISON
-
-    def _choice(self, node: Node) -> tuple[str, int]:
-        args = node.args
-        if node.op == "neg":
-            return f"-{self.text(args[0], UNARY)}", UNARY
-        if node.op == "select":
-            cond, then, els = args
-            return f"{self.text(then, OR)} if {self.text(cond, OR)} else {self.text(els, CHOICE)}", CHOICE
-        first = self.text(args[0], COMPARISON + 1)
-        if node.op == "sqrt":
-            return (
-                (f"sqrt({first})", ATOMIC)
-                if args[0].low >= 0
-                else (f"sqrt({first}) if {first} >= 0.0 else nan", CHOICE)
-            )
-        if node.op == "isign":
-            return f"({first} > 0) - ({first} < 0)", 11
-        second = self.text(args[1], COMPARISON + 1)
-        # of equal numbers max takes the left and min the right, as in Prolog: it shows in the sign of a zero
-        sign = ">=" if node.op == "max" else "<"
-        return f"{first} if {first} {sign} {second} else {second}", CHOICE

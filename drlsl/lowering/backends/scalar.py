@@ -28,7 +28,7 @@ from drlsl.lowering.ir import (
 
 Scalar: TypeAlias = Callable[[Facts], tuple[Any, ...]]
 
-_RESERVED: Final = (*SUPPORT, "abs", "answer", "facts", "float", "max", "min")
+_RESERVED: Final = (*SUPPORT, "answer", "facts")
 
 
 def compile_scalar(lowered: Lowered) -> Scalar:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 from drlsl.logic import Compound, String
-from drlsl.lowering.ir import FLOAT_BOUND, FUNCTIONS, INT_BOUND, Relation, Undecided, rounded, sign, truncated
+from drlsl.logic.core import NODES
+from drlsl.lowering.ir import FLOAT_BOUND, INT_BOUND, Relation, Undecided
 
 Row: TypeAlias = Sequence[Any]
 Facts: TypeAlias = Mapping[tuple[str, int], Sequence[Row]]
@@ -64,23 +65,13 @@ def blank_row(relation: Relation) -> Row:
     return tuple({"atom": "", "int": 0, "float": 0.0}[kind] for kind in relation.columns)
 
 
-def _whole(function: Callable[[float], int]) -> Callable[[float], int]:
-    return lambda value: function(value) if math.isfinite(value) else 0
-
-
 SUPPORT: Final[dict[str, Any]] = {
     "Compound": Compound,
     "String": String,
     "Undecided": Undecided,
-    "ceil": _whole(math.ceil),
     "checked_rows": checked_rows,
-    "floor": _whole(math.floor),
     "inf": math.inf,
     "nan": math.nan,
-    "rounded": rounded,
-    "sign": sign,
     "sqrt": math.sqrt,
-    "trunc": _whole(math.trunc),
-    "truncated": truncated,
-    **{f"math_{name}": function for name, function in FUNCTIONS.items()},
+    **{row.compute.__name__: row.compute for row in NODES.values()},
 }

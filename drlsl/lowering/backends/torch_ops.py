@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from drlsl.lowering.ir import FUNCTIONS
+from drlsl.logic.core import NODES
 
 Number: TypeAlias = Tensor | float
 """A tensor, or a constant of the rules."""
@@ -226,18 +226,20 @@ class Ops:
         return whole.to(torch.int64) + (rest >= 0.5).to(torch.int64) - (rest <= -0.5).to(torch.int64)
 
     def function(self, name: str, *values: Number) -> Tensor:
-        """Return a function of the C library: on the processor equal to the interpreter's in the last bit.
+        """Apply an operation to each number: on the processor as the interpreter does, to the last bit.
 
-        On another device the last bits may differ.
+        On any other device the device computes functions of floats, whose last bits may differ.
         """
-        given = [self._tensor(value) for value in values]
-        if self.device.type != "cpu":
+        row, given = NODES[name], [self._tensor(value) for value in values]
+        whole = row.kind == "whole"
+        if self.device.type != "cpu" and not whole and hasattr(torch, name):
             result: Tensor = getattr(torch, name)(*given)
             return result
-        apply = np.frompyfunc(FUNCTIONS[name], len(given), 1)
+        apply = np.frompyfunc(row.compute, row.arity, 1)
         with np.errstate(all="ignore"):
-            values_of = np.asarray(apply(*(value.numpy() for value in given)), dtype=np.float64)
-        return torch.from_numpy(values_of).to(self.dtype)
+            made = np.asarray(apply(*(value.cpu().numpy() for value in given)))
+        found = torch.from_numpy(made.astype(np.int64 if whole else np.float64))
+        return found.to(self.device, torch.int64 if whole else self.dtype)
 
 
 class Selected:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from drlsl.logic.core import (
+    COMPARISONS,
     FAILURE,
     Call,
     Conjunction,
@@ -24,7 +25,6 @@ from drlsl.logic.core import (
 from drlsl.logic.terms import NIL, Atom, Struct, Var
 from drlsl.lowering.frontend.unfold import Continue, Rule, Unfolder
 from drlsl.lowering.ir import (
-    COMPARISONS,
     FAIL,
     Arithmetic,
     Bag,

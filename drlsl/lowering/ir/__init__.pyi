@@ -1,19 +1,13 @@
 from .identifiers import Names
 from .nodes import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
 from .numbers import (
-    COMPARISONS,
-    FUNCTIONS,
     LARGEST,
     NO_VALUE,
-    OPERATIONS,
     SMALLEST_DIVISOR,
     Arithmetic,
     NotCovered,
     NoValue,
     is_checked_divisor,
-    rounded,
-    sign,
-    truncated,
 )
 from .refusals import Doubt, NotLowerable, Undecided
 from .schema import FLOAT32_BOUND, FLOAT_BOUND, INT_BOUND, Relation, Schema
@@ -47,15 +41,12 @@ from .trees import (
 )
 
 __all__ = [
-    "COMPARISONS",
     "FAIL",
     "FLOAT32_BOUND",
     "FLOAT_BOUND",
-    "FUNCTIONS",
     "INT_BOUND",
     "LARGEST",
     "NO_VALUE",
-    "OPERATIONS",
     "QUANTIFIERS",
     "SMALL",
     "SMALLEST_DIVISOR",
@@ -98,8 +89,5 @@ __all__ = [
     "rename_loop",
     "require",
     "resolve",
-    "rounded",
     "seq",
-    "sign",
-    "truncated",
 ]

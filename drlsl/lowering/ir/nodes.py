@@ -12,7 +12,7 @@ Operations, by kind of result:
 index       loop, row, first, argmin, argmax, select
 rows        facts, others, where
 bool        const, lt, eq, not, and, or, any
-number      const, col, select, count, sum, min_of, max_of, and those of `numbers.py`
+number      const, col, select, count, sum, min_of, max_of, and those of `drlsl.logic.core.NODES`
 atom        const, col, select
 ==========  ==========================================================================================
 """

@@ -4,15 +4,16 @@ Every operation is total: where Prolog would raise an error its value is undefin
 has a value is kept separately. The bounds of a result follow from those of the arguments, so most conditions
 are known to hold when a program is lowered.
 
-Source: ISO 13211-1, 9, as `drlsl.logic.core.arithmetic` reads it.
+Source: ISO 13211-1, 9, as the rows of `drlsl.logic.core.OPERATIONS` say.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
+from drlsl.logic.core import COMPARISONS, NODES, OPERATIONS, Operation, instantiated
 from drlsl.logic.terms import Atom, Struct, Var
 from drlsl.lowering.ir.nodes import UNKNOWN, Interval, Kind, Node, Pool
 from drlsl.lowering.ir.schema import INT_BOUND
@@ -25,104 +26,6 @@ SMALLEST_DIVISOR: Final = 1e-30
 """Smallest divisor; division by less is left to the interpreter."""
 
 _MOST_MULTIPLICATIONS: Final = 16
-
-CONSTANTS: Final = {"pi": math.pi, "e": math.e}
-
-
-def truncated(left: int, right: int) -> int:
-    """Return integer division toward zero; 0 for a zero divisor."""
-    if right == 0:
-        return 0
-    quotient = abs(left) // abs(right)
-    return quotient if (left < 0) == (right < 0) else -quotient
-
-
-def rounded(value: float) -> int:
-    """Return the nearest integer, a half upward in magnitude; 0 for NaN and infinities."""
-    if not math.isfinite(value):
-        return 0
-    whole = math.trunc(value)
-    rest = value - whole  # exact, which the distance to the floor is not
-    return whole + (rest >= 0.5) - (rest <= -0.5)
-
-
-def sign(value: float) -> float:
-    """Return 1.0, -1.0, or the value itself if it is a zero."""
-    return math.copysign(1.0, value) if value != 0.0 else value
-
-
-def _total(function: Callable[..., float]) -> Callable[..., float]:
-    def apply(*values: float) -> float:
-        try:
-            return function(*values)
-        except (ValueError, OverflowError, ZeroDivisionError):
-            return math.nan
-
-    return apply
-
-
-FUNCTIONS: Final[dict[str, Callable[..., float]]] = {
-    name: _total(getattr(math, name))
-    for name in (
-        *(
-            "exp",
-            "log",
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "asinh",
-            "acosh",
-        ),
-        *("atanh", "pow"),
-    )
-}
-"""The functions that the C library computes: NaN where they are undefined."""
-
-_NEEDS_POSITIVE: Final = frozenset({"log"})
-
-OPERATIONS: Final[dict[str, Callable[..., Any]]] = {
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b if b else math.nan,
-    "neg": lambda a: -a,
-    "abs": abs,
-    "sign": sign,
-    "isign": lambda a: (a > 0) - (a < 0),
-    "min": lambda a, b: a if a < b else b,
-    "max": lambda a, b: a if a >= b else b,
-    "sqrt": lambda a: math.sqrt(a) if a >= 0 else math.nan,
-    "tofloat": float,
-    "floor": math.floor,
-    "ceiling": math.ceil,
-    "truncate": math.trunc,
-    "round": rounded,
-    "truncdiv": truncated,
-    "floordiv": lambda a, b: a // b if b else 0,
-    "mod": lambda a, b: a % b if b else 0,
-    "bitand": lambda a, b: a & b,
-    "bitor": lambda a, b: a | b,
-    "bitxor": lambda a, b: a ^ b,
-}
-"""The operations on numbers as every tier computes them; undefined where Prolog raises an error."""
-
-_INT_DIVISIONS: Final = {"//": "truncdiv", "div": "floordiv", "mod": "mod", "rem": "rem"}
-_BIT_OPERATIONS: Final = {"/\\": "bitand", "\\/": "bitor", "xor": "bitxor"}
-_ROUNDINGS: Final = {
-    "floor": "floor",
-    "ceiling": "ceiling",
-    "truncate": "truncate",
-    "integer": "round",
-    "round": "round",
-}
-COMPARISONS: Final = frozenset({"<", ">", "=<", ">=", "=:=", "=\\="})
-
 
 NO_VALUE: Final = "an expression without a value"
 
@@ -169,23 +72,9 @@ class Arithmetic:
                 raise NotCovered(f"{term} is not a number that generated code can represent")
             return self._within(self.pool.const(term))
         if isinstance(term, Struct):
-            if len(term.args) == 2:
-                return self.binary(term.name, self.evaluate(term.args[0]), self.evaluate(term.args[1]))
-            if len(term.args) == 1:
-                return self.unary(term.name, self.evaluate(term.args[0]))
-            raise NoValue
-        if isinstance(term, Atom) and term.name in CONSTANTS:
-            return self.pool.const(CONSTANTS[term.name])
-        if isinstance(term, Atom) and term.name in (
-            "inf",
-            "infinite",
-            "nan",
-            "random",
-            "random_float",
-            "cputime",
-            "realtime",
-        ):
-            raise NotCovered(f"generated code cannot evaluate {term.name}")
+            return self.operation(term.name, *map(self.evaluate, term.args))
+        if isinstance(term, Atom) and (term.name, 0) in OPERATIONS:
+            return self._within(self.operation(term.name))
         if isinstance(term, Var | Atom | str):
             raise NoValue
         raise AssertionError(f"no term: {term!r}")
@@ -231,11 +120,20 @@ class Arithmetic:
             return left, right
         return self.to_float(left), self.to_float(right)
 
-    def _make(self, op: str, kind: Kind, args: tuple[Node, ...], bounds: Interval, data: Any = None) -> Node:
-        if all(arg.is_const for arg in args) and op in OPERATIONS:
-            value = OPERATIONS[op](*(arg.data for arg in args))
+    def _made(self, row: Operation, kind: Kind, *args: Node) -> Node:
+        """Return the node of an operation, within the bounds that its row knows."""
+        bounds = UNKNOWN
+        if row.bounds is not None:
+            bounds = row.bounds(*((arg.low, arg.high) for arg in args))
+        elif row.curve is not None and row.curve.domain == UNKNOWN:
+            bounds = row.curve.image
+        return self._make(row.node, kind, args, bounds)
+
+    def _make(self, op: str, kind: Kind, args: tuple[Node, ...], bounds: Interval) -> Node:
+        if all(arg.is_const for arg in args):
+            value = NODES[op].compute(*(arg.data for arg in args))
             return self.pool.const(float(value) if kind == "float" else int(value))
-        return self.pool.make(op, kind, args, data, bounds)
+        return self.pool.make(op, kind, args, None, bounds)
 
     def _within(self, node: Node, largest: float | None = None) -> Node:
         """Return `node`, defined only while it is not too large."""
@@ -252,63 +150,64 @@ class Arithmetic:
 
     # ---------------------------------------------------------------- operations
 
-    def binary(self, name: str, left: Node, right: Node) -> Node:
-        """Return the value of a binary operation."""
-        spread = self._distribute(lambda a, b: self.binary(name, a, b), left, right)
-        if spread is not None:
-            return spread
-        if name in ("+", "-", "*"):
-            return self._ring(name, *self._pair(left, right))
-        if name == "/":
-            return self._divide(left, right)
-        if name in ("min", "max"):
-            return self._extreme(name, left, right)
-        if name in _INT_DIVISIONS or name in _BIT_OPERATIONS:
-            if left.kind != "int" or right.kind != "int":
-                raise NoValue
-            if name in _BIT_OPERATIONS:
-                return self._within(self._make(_BIT_OPERATIONS[name], "int", (left, right), UNKNOWN))
-            return self._int_division(_INT_DIVISIONS[name], left, right)
-        if name in ("**", "^"):
-            if name == "**" and self.iso:
-                left, right = self.to_float(left), self.to_float(right)
-            return self._power(left, right)
-        raise NotCovered(f"generated code has no {name}/2")
+    def operation(self, name: str, *args: Node) -> Node:
+        """Return the value of an operation.
 
-    def unary(self, name: str, arg: Node) -> Node:
-        """Return the value of a unary operation."""
-        spread = self._distribute(lambda a: self.unary(name, a), arg)
+        Raises:
+            NoValue: it has none.
+            NotCovered: only the interpreter can evaluate it.
+        """
+        spread = self._distribute(lambda *sides: self.operation(name, *sides), *args)
         if spread is not None:
             return spread
-        if name == "+":
+        row = OPERATIONS.get((name, len(args)))
+        if row is None:
+            raise NotCovered(f"generated code has no {name}/{len(args)}")
+        if row.refused:
+            raise NotCovered(f"generated code has no {name}/{len(args)}: {row.refused}")
+        if row.kind == "whole" and any(arg.kind != "int" for arg in args):
+            raise NoValue
+        if row.defined:
+            return self.evaluate(instantiated(row.defined, args))
+        return _LOWERED[row.kind](self, row, *args)
+
+    def _demand(self, row: Operation, args: tuple[Node, ...]) -> None:
+        """Add the condition under which an operation has a value."""
+        if row.needs is not None:
+            condition, otherwise = row.needs
+            goal = instantiated(condition, args)
+            self.need(self.compare(goal.name, *map(self.evaluate, goal.args)), otherwise)
+
+    def _constant(self, row: Operation) -> Node:
+        return self.pool.const(row.compute())
+
+    def _negate(self, _row: Operation, arg: Node) -> Node:
+        return arg.args[0] if arg.op == "neg" else self._make("neg", arg.kind, (arg,), (-arg.high, -arg.low))
+
+    def _sign(self, row: Operation, arg: Node) -> Node:
+        return self._made(NODES["isign"] if arg.kind == "int" else row, arg.kind, arg)
+
+    def _convert(self, _row: Operation, arg: Node) -> Node:
+        return self.to_float(arg)
+
+    def _step(self, row: Operation, arg: Node) -> Node:
+        if arg.kind == "int":
             return arg
-        if name == "-":
-            return (
-                arg.args[0] if arg.op == "neg" else self._make("neg", arg.kind, (arg,), (-arg.high, -arg.low))
-            )
-        if name == "abs":
-            return self._absolute(arg)
-        if name == "sign":
-            return self._make("sign" if arg.kind == "float" else "isign", arg.kind, (arg,), (-1.0, 1.0))
-        if name == "float":
-            return self.to_float(arg)
-        if name in _ROUNDINGS:
-            if arg.kind == "int":
-                return arg
-            bounds = (max(arg.low - 1, -LARGEST), min(arg.high + 1, LARGEST))
-            self._within(arg, float(INT_BOUND // 2))
-            return self._within(self._make(_ROUNDINGS[name], "int", (arg,), bounds))
-        if name == "sqrt":
-            value = self.to_float(arg)
-            negative = self.pool.less(value, self.pool.const(0.0))
-            self.need(self.pool.not_(negative), "a square root of a negative number")
-            bounds = (math.sqrt(max(value.low, 0.0)), math.sqrt(max(value.high, 0.0)))
-            return self._make("sqrt", "float", (value,), bounds)
-        if name in FUNCTIONS and name != "pow":
-            return self._function(name, self.to_float(arg))
-        raise NotCovered(f"generated code has no {name}/1")
+        self._within(arg, float(INT_BOUND // 2))
+        return self._within(self._made(row, "int", arg))
 
-    def _absolute(self, arg: Node) -> Node:
+    def _whole(self, row: Operation, *args: Node) -> Node:
+        if row.divides and args[-1].is_const and args[-1].data == 0:
+            raise NoValue
+        self._demand(row, args)
+        return self._within(self._made(row, "int", *args))
+
+    def _real(self, row: Operation, *args: Node) -> Node:
+        floats = tuple(map(self.to_float, args))
+        self._demand(row, floats)
+        return self._within(self._made(row, "float", *floats))
+
+    def _absolute(self, _row: Operation, arg: Node) -> Node:
         if arg.op in ("abs", "sqrt") or arg.low > 0:
             return arg
         low = 0.0 if arg.low <= 0 <= arg.high else min(abs(arg.low), abs(arg.high))
@@ -316,7 +215,9 @@ class Arithmetic:
             "abs", arg.kind, (_forward(self.pool, arg),), (low, max(abs(arg.low), abs(arg.high)))
         )
 
-    def _ring(self, name: str, left: Node, right: Node) -> Node:
+    def _ring(self, row: Operation, left: Node, right: Node) -> Node:
+        name = row.name
+        left, right = self._pair(left, right)
         kind = left.kind
         if name == "+":
             bounds = (left.low + right.low, left.high + right.high)
@@ -340,21 +241,21 @@ class Arithmetic:
         corners = [a * b for a in (left.low, left.high) for b in (right.low, right.high)]
         low = max(min(corners), 0.0) if left is right else min(corners)
         if kind == "int" and max(map(abs, corners)) > INT_BOUND:
-            # the product itself might wrap around: check it as a float, which is exact enough
-            self._within(self._ring("*", self.to_float(left), self.to_float(right)), float(INT_BOUND // 2))
+            # the product itself might wrap around: judge it as a float, where it is exact enough
+            self._within(self._ring(row, self.to_float(left), self.to_float(right)), float(INT_BOUND // 2))
             most = float(INT_BOUND)
             return self.pool.make(
                 "mul", "int", (left, right), None, (max(low, -most), min(max(corners), most))
             )
         return self._within(self._make("mul", kind, (left, right), (low, max(corners))))
 
-    def _divide(self, left: Node, right: Node) -> Node:
+    def _divide(self, row: Operation, left: Node, right: Node) -> Node:
         if left.kind == right.kind == "int" and self.iso:
             return self._quotient(self.to_float(left), self.to_float(right))
         if left.kind == right.kind == "int":
-            self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))), "a division by 0")
-            rest = self._make("mod", "int", (left, right), _mod_bounds(right))
-            exact = self._make("floordiv", "int", (left, right), _symmetric(left))
+            self._demand(row, (left, right))
+            rest = self._made(NODES["mod"], "int", left, right)
+            exact = self._made(NODES["floordiv"], "int", left, right)
             inexact = self._quotient(self.to_float(left), self.to_float(right))
             return self.pool.choose(self.pool.equal(rest, self.pool.const(0)), exact, inexact)
         return self._quotient(*self._pair(left, right))
@@ -373,37 +274,25 @@ class Arithmetic:
         corners = [a / b for a in (left.low, left.high) for b in (right.low, right.high)]
         return self._within(self._make("div", "float", (left, right), (min(corners), max(corners))))
 
-    def _int_division(self, op: str, left: Node, right: Node) -> Node:
-        if right.is_const and right.data == 0:
-            raise NoValue
-        self.need(self.pool.not_(self.pool.equal(right, self.pool.const(0))), "a division by 0")
-        if op == "rem":
-            product = self._ring("*", right, self._make("truncdiv", "int", (left, right), _symmetric(left)))
-            return self._ring("-", left, product)
-        bounds = _mod_bounds(right) if op == "mod" else _symmetric(left)
-        return self._within(self._make(op, "int", (left, right), bounds))
-
-    def _extreme(self, name: str, left: Node, right: Node) -> Node:
-        pick = min if name == "min" else max
+    def _extreme(self, row: Operation, left: Node, right: Node) -> Node:
         if left.kind == right.kind:
-            if left is right:
-                return left
-            bounds = (pick(left.low, right.low), pick(left.high, right.high))
-            return self._make(name, left.kind, (left, right), bounds)
-        # of equal numbers of different kinds the float is taken
+            return left if left is right else self._made(row, left.kind, left, right)
+        # of equal numbers of unlike kinds the float is taken
         whole, real = (left, right) if left.kind == "int" else (right, left)
         as_float = self.to_float(whole)
-        if name == "max":
+        if row.node == "max":
             return self.pool.choose(self.pool.less(real, as_float), whole, real)
         return self.pool.choose(self.pool.less(as_float, real), whole, real)
 
-    def _power(self, left: Node, right: Node) -> Node:
+    def _power(self, row: Operation, left: Node, right: Node) -> Node:
+        if row.name == "**" and self.iso:
+            left, right = self.to_float(left), self.to_float(right)
         if left.kind == right.kind == "int":
             if not right.is_const or not 0 <= right.data <= _MOST_MULTIPLICATIONS:
                 raise NotCovered("an integer power needs a constant exponent from 0 to 16")
             result = self.pool.const(1)
             for _ in range(right.data):
-                result = self._ring("*", result, left)
+                result = self.operation("*", result, left)
             return result
         return self._power_of_floats(*self._pair(left, right))
 
@@ -415,22 +304,7 @@ class Arithmetic:
         if not (exponent.is_const and exponent.data == int(exponent.data)):
             defined.append(pool.not_(negative))
         self.need(pool.and_(defined), "a power of a negative number, or of 0 to a negative exponent")
-        return self._within(self._make_function("pow", (base, exponent), _power_bounds(base, exponent)))
-
-    def _function(self, name: str, arg: Node) -> Node:
-        if name in _NEEDS_POSITIVE:
-            positive = self.pool.less(self.pool.const(0.0), arg)
-            self.need(positive, f"{name} of a number that is not positive")
-        bounds = (-1.0, 1.0) if name in ("sin", "cos", "tanh") else (-2.0, 2.0) if name == "atan" else UNKNOWN
-        return self._within(self._make_function(name, (arg,), bounds))
-
-    def _make_function(self, name: str, args: tuple[Node, ...], bounds: Interval) -> Node:
-        if all(arg.is_const for arg in args):
-            value = FUNCTIONS[name](*(arg.data for arg in args))
-            if not math.isfinite(value):
-                raise NoValue
-            return self.pool.const(value)
-        return self.pool.make("function", "float", args, name, bounds)
+        return self._within(self._make("pow", "float", (base, exponent), _power_bounds(base, exponent)))
 
     # ---------------------------------------------------------------- comparison
 
@@ -440,16 +314,28 @@ class Arithmetic:
         if spread is not None:
             return spread
         left, right = self._pair(left, right)
-        if name == "<":
-            return self.pool.less(left, right)
-        if name == ">":
-            return self.pool.less(right, left)
-        if name == "=<":
-            return self.pool.not_(self.pool.less(right, left))
-        if name == ">=":
-            return self.pool.not_(self.pool.less(left, right))
-        same = self.pool.equal(left, right)
-        return same if name == "=:=" else self.pool.not_(same)
+        row = COMPARISONS[name]
+        if row.turned:
+            left, right = right, left
+        cond = (self.pool.equal if row.equality else self.pool.less)(left, right)
+        return self.pool.not_(cond) if row.negated else cond
+
+
+_LOWERED: Final[dict[str, Callable[..., Node]]] = {
+    "constant": Arithmetic._constant,
+    "ring": Arithmetic._ring,
+    "quotient": Arithmetic._divide,
+    "extreme": Arithmetic._extreme,
+    "power": Arithmetic._power,
+    "negation": Arithmetic._negate,
+    "magnitude": Arithmetic._absolute,
+    "sign": Arithmetic._sign,
+    "conversion": Arithmetic._convert,
+    "step": Arithmetic._step,
+    "whole": Arithmetic._whole,
+    "real": Arithmetic._real,
+}
+"""What becomes of an operation, by its kind."""
 
 
 def is_checked_divisor(node: Node) -> bool:
@@ -462,24 +348,14 @@ def _power_bounds(base: Node, exponent: Node) -> Interval:
     if not exponent.is_const or exponent.data < 0:
         return UNKNOWN
     whole = exponent.data == int(exponent.data)
-    low, high = (
-        FUNCTIONS["pow"](end if whole else max(end, 0.0), exponent.data) for end in (base.low, base.high)
-    )
+    power = NODES["pow"].compute
+    low, high = (power(end if whole else max(end, 0.0), exponent.data) for end in (base.low, base.high))
     if math.isnan(low) or math.isnan(high):
         return UNKNOWN
     if exponent.data % 2 != 1:
         low, high = 0.0, max(low, high)
     slack = 1e-12  # the C library's power is exact to the last bits only
     return low - slack * abs(low), high + slack * abs(high)
-
-
-def _symmetric(node: Node) -> Interval:
-    bound = max(abs(node.low), abs(node.high)) + 1
-    return (-bound, bound)
-
-
-def _mod_bounds(right: Node) -> Interval:
-    return (min(right.low, 0.0), max(right.high, 0.0))
 
 
 def _forward(pool: Pool, node: Node) -> Node:

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from drlsl.logic.core import NODES
 from drlsl.logic.terms import Atom
 from drlsl.lowering.backends import Array, Ops, Rows
 from drlsl.lowering.ir import Node, relation_of
@@ -21,25 +22,6 @@ Facts: TypeAlias = Mapping[tuple[str, int], Rows]
 
 _HARDLY: Final = 1e-12
 """The distance of a comparison that fails by an amount of 0, such as 1 < 1."""
-
-_RING: Final[dict[str, Callable[..., Any]]] = {
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.divide,
-    "neg": np.negative,
-    "abs": np.absolute,
-    "min": np.minimum,
-    "max": np.maximum,
-    "sqrt": np.sqrt,
-    "sign": np.sign,
-    "isign": np.sign,
-    "floordiv": np.floor_divide,
-    "mod": np.remainder,
-    "bitand": np.bitwise_and,
-    "bitor": np.bitwise_or,
-    "bitxor": np.bitwise_xor,
-}
 
 
 class Closeness:
@@ -200,20 +182,7 @@ class Closeness:
             return np.where(self._holds(node.args[0]), *(self._value(arg) for arg in node.args[1:]))
         if node.op in ("count", "sum", "min_of", "max_of"):
             return self._gathered(node)
-        values = [self._value(arg) for arg in node.args]
-        if node.op in _RING:
-            return np.asarray(_RING[node.op](*values))
-        if node.op == "function":
-            return self._ops.function(node.data, *values)
-        rounding: dict[str, Callable[..., Array]] = {
-            "floor": self._ops.floor,
-            "ceiling": self._ops.ceiling,
-            "truncate": self._ops.truncate,
-            "round": self._ops.rounded,
-            "truncdiv": self._ops.truncated,
-            "tofloat": self._ops.to_float,
-        }
-        return rounding[node.op](*values)
+        return self._ops.apply(NODES[node.op], *map(self._value, node.args))
 
     def _column(self, node: Node) -> Array:
         relation, column = node.data

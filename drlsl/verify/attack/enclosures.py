@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
-from drlsl.lowering.ir import truncated
+from drlsl.logic.core import Operation
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,21 +51,20 @@ def hull(one: Enclosure, other: Enclosure) -> Enclosure:
     return Enclosure(min(one.low, other.low), max(one.high, other.high))
 
 
-def operation(op: str, data: object, args: Sequence[Enclosure], bits: int) -> Enclosure:
+def operation(row: Operation, args: Sequence[Enclosure], bits: int) -> Enclosure:
     """Return an operation of a lowered program; irrational results are enclosed to some `bits` bits."""
     if NO_NUMBER in args:
         return NO_NUMBER
     if ANY in args:
         return ANY
-    if op == "sqrt":
-        return _sqrt(args[0], bits)
-    if op == "function":
-        return _function(str(data), args, bits)
-    if op in _WHOLE:
-        return _whole(op, args)
-    if op in _STEPS:
-        return Enclosure(*(Fraction(_STEPS[op](end)) for end in (args[0].low, args[0].high)))
-    return _ARITHMETIC[op](*args)
+    match row.kind:
+        case "step" | "sign":
+            return Enclosure(*(Fraction(row.compute(end)) for end in (args[0].low, args[0].high)))
+        case "whole":
+            return _whole(row, args)
+        case "real" | "power":
+            return _real(row, args, bits)
+    return _ARITHMETIC[row.node](*args)
 
 
 # -------------------------------------------------------------------------------------------- rational
@@ -98,15 +97,6 @@ def _absolute(one: Enclosure) -> Enclosure:
     return _negate(one) if one.high <= 0 else Enclosure(Fraction(0), max(-one.low, one.high))
 
 
-def _sign(value: Fraction) -> int:
-    return (value > 0) - (value < 0)
-
-
-def _round(value: Fraction) -> int:
-    """Return the nearest integer; halves are rounded away from 0."""
-    return _sign(value) * math.floor(abs(value) + _HALF)
-
-
 _ARITHMETIC: Final[dict[str, Callable[..., Enclosure]]] = {
     "add": _add,
     "sub": lambda one, other: _add(one, _negate(other)),
@@ -118,31 +108,15 @@ _ARITHMETIC: Final[dict[str, Callable[..., Enclosure]]] = {
     "max": lambda one, other: Enclosure(max(one.low, other.low), max(one.high, other.high)),
     "tofloat": lambda one: one,
 }
-_STEPS: Final[dict[str, Callable[[Fraction], int]]] = {
-    "sign": _sign,
-    "isign": _sign,
-    "floor": math.floor,
-    "ceiling": math.ceil,
-    "truncate": math.trunc,
-    "round": _round,
-}
-_WHOLE: Final[dict[str, Callable[[int, int], int]]] = {
-    "truncdiv": truncated,
-    "floordiv": lambda a, b: a // b,
-    "mod": lambda a, b: a % b,
-    "bitand": lambda a, b: a & b,
-    "bitor": lambda a, b: a | b,
-    "bitxor": lambda a, b: a ^ b,
-}
 
 
-def _whole(op: str, args: Sequence[Enclosure]) -> Enclosure:
+def _whole(row: Operation, args: Sequence[Enclosure]) -> Enclosure:
     if not all(arg.exact and arg.low.denominator == 1 for arg in args):
         return ANY
-    left, right = (arg.low.numerator for arg in args)
-    if right == 0 and op in ("truncdiv", "floordiv", "mod"):
+    values = [arg.low.numerator for arg in args]
+    if row.divides and values[-1] == 0:
         return NO_NUMBER
-    return point(Fraction(_WHOLE[op](left, right)))
+    return point(Fraction(row.compute(*values)))
 
 
 # -------------------------------------------------------------------------------------------- not rational
@@ -168,35 +142,28 @@ def _root(square: Fraction, bits: int) -> tuple[Fraction, Fraction]:
     return Fraction(scaled, 1 << shift), Fraction(scaled + 1, 1 << shift)
 
 
-def _function(name: str, args: Sequence[Enclosure], bits: int) -> Enclosure:
-    if name == "pow":
+def _real(row: Operation, args: Sequence[Enclosure], bits: int) -> Enclosure:
+    if row.node == "sqrt":
+        return _sqrt(args[0], bits)
+    if row.node == "pow":
         return _power(args[0], args[1], bits)
+    curve = row.curve
+    if curve is None:
+        return ANY
     (arg,) = args
-    domain = _DOMAINS.get(name)
-    if domain is not None:
-        below, above = domain
-        low_end = below is not None and (arg.high < below or (name in _OPEN and arg.high <= below))
-        high_end = above is not None and (arg.low > above or (name in _OPEN and arg.low >= above))
-        if low_end or high_end:
-            return NO_NUMBER
-    if name == "exp":
+    below, above = curve.domain
+    if arg.high < below or arg.low > above:
+        return NO_NUMBER
+    if curve.excludes_ends and (arg.high <= below or arg.low >= above):
+        return NO_NUMBER
+    if row.node == "exp":
         return _monotone(arg, _exp, bits)
-    if name == "log":
+    if row.node == "log":
         return _monotone(arg, _log, bits) if arg.low > 0 else ANY
-    if name in ("sin", "cos", "tanh"):
-        return Enclosure(Fraction(-1), Fraction(1))
-    return ANY
-
-
-_DOMAINS: Final[dict[str, tuple[int | None, int | None]]] = {
-    "log": (0, None),
-    "asin": (-1, 1),
-    "acos": (-1, 1),
-    "acosh": (1, None),
-    "atanh": (-1, 1),
-}
-_OPEN: Final = frozenset({"log", "atanh"})
-"""The functions that are undefined at the ends of their domains."""
+    least, most = curve.image
+    if not math.isfinite(least + most) or arg.low < below or arg.high > above:
+        return ANY
+    return Enclosure(Fraction(least), Fraction(most))
 
 
 def _monotone(

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, Generic, TypeAlias, TypeVar
 
+from drlsl.logic.core import NODES
 from drlsl.logic.terms import Atom
-from drlsl.lowering.ir import FUNCTIONS, OPERATIONS, SMALLEST_DIVISOR, Node, reach
+from drlsl.lowering.ir import SMALLEST_DIVISOR, Node, reach
 from drlsl.verify.attack.enclosures import ANY, NO_NUMBER, Enclosure, hull, operation, point
 from drlsl.verify.attack.sampled_facts import ExactFacts
 
@@ -304,12 +305,12 @@ class _Exact(_Evaluation[Enclosure]):
         return point(Fraction(repr(value)) if isinstance(value, float) else Fraction(value))
 
     def _operation(self, node: Node, args: Sequence[Enclosure]) -> Enclosure:
-        return operation(node.op, node.data, args, self._bits)
+        return operation(NODES[node.op], args, self._bits)
 
     def _joined(self, op: str, values: Sequence[Enclosure]) -> Enclosure:
         result = values[0]
         for value in values[1:]:
-            result = operation(op, None, (result, value), self._bits)
+            result = operation(NODES[op], (result, value), self._bits)
         return result
 
     def _either(self, one: Enclosure, other: Enclosure) -> Enclosure:
@@ -339,7 +340,7 @@ class _Exact(_Evaluation[Enclosure]):
     def _within(self, place: Place, value: Enclosure, bound: float) -> Truth:
         # a real number can be divided by anything but 0: only floats overflow
         limit = point(Fraction(0 if bound == SMALLEST_DIVISOR else bound))
-        size = operation("abs", None, (value,), self._bits)
+        size = operation(NODES["abs"], (value,), self._bits)
         measured = self._measured(place, size, limit)
         if not measured or size.high <= limit.low:
             return measured
@@ -353,17 +354,15 @@ class _Floats(_Evaluation[Any]):
         return value
 
     def _operation(self, node: Node, args: Sequence[Any]) -> Any:
-        if node.op == "function":
-            return FUNCTIONS[node.data](*args)
         try:
-            return OPERATIONS[node.op](*args)
-        except (ArithmeticError, ValueError):
+            return NODES[node.op].compute(*args)
+        except OverflowError:  # of an integer that no float can hold
             return math.nan
 
     def _joined(self, op: str, values: Sequence[Any]) -> Any:
         result = values[0]
         for value in values[1:]:
-            result = OPERATIONS[op](result, value)
+            result = NODES[op].compute(result, value)
         return result
 
     def _either(self, one: Any, other: Any) -> Any:

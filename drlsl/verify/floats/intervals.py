@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from drlsl.driving.scene import EGO_LIMITS
+from drlsl.logic.core import NODES
 from drlsl.lowering.ir import SMALLEST_DIVISOR, Node, Pool, is_checked_divisor, relation_of
 from drlsl.verify.floats import rounding
 from drlsl.verify.floats.rounding import ANY, Approximation, down, up
@@ -189,14 +190,11 @@ class Values:
                 return rounding.to_float(args[0])
             case "sign" | "isign":
                 return Approximation(-1.0, 1.0, 0.0, unit=True)
-            case "function":
-                return rounding.apply(node.data, *self._defined(node, args, context))
-            case "floor" | "ceiling" | "truncate" | "round":
-                return Approximation(args[0].low - 1.0, args[0].high + 1.0)
-            case "mod":
-                return Approximation(min(args[1].low, 0.0), max(args[1].high, 0.0))
-            case "truncdiv" | "floordiv":
-                return Approximation(-args[0].magnitude - 1.0, args[0].magnitude + 1.0)
+        row = NODES.get(node.op)
+        if row is not None and row.kind in ("real", "power"):
+            return rounding.apply(row, *self._defined(node, args, context))
+        if row is not None and row.bounds is not None and node.kind == "int":
+            return Approximation(*row.bounds(*((arg.low, arg.high) for arg in args)))
         return Approximation(node.low, node.high) if node.kind == "int" else ANY
 
     def _defined(self, node: Node, args: list[Approximation], context: Context) -> list[Approximation]:
@@ -205,7 +203,7 @@ class Values:
         Only numbers that may be 0 were compared with it.
         """
         one = args[0]
-        told = node.data == "log" or (node.data == "pow" and args[1].high < 0.0 and one.low >= 0.0)
+        told = node.op == "log" or (node.op == "pow" and args[1].high < 0.0 and one.low >= 0.0)
         if not told or context.blind or one.low > 0.0 or node.args[0].low > 0.0:
             return args
         return [one.within(self.clear(one) or math.ulp(0.0), math.inf), *args[1:]]

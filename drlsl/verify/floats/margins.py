@@ -14,9 +14,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from drlsl.logic.core import COMPARISONS, NODES
 from drlsl.logic.terms import Atom, Operators, Struct, Var, format_term
 from drlsl.lowering.frontend import Answer
-from drlsl.lowering.ir import COMPARISONS, QUANTIFIERS, SMALLEST_DIVISOR, Node, Pool
+from drlsl.lowering.ir import QUANTIFIERS, SMALLEST_DIVISOR, Node, Pool
 from drlsl.verify.floats.assumed import Simplifier
 from drlsl.verify.floats.intervals import MOST_PIECES, STRIDE, Context, Values
 from drlsl.verify.floats.ordering import Order
@@ -155,7 +156,7 @@ class _Walk:
                 number = values.of(node.args[0], context)
                 if not number.magnitude + number.error < node.data:
                     self._judge(node, math.inf)
-            case "sign" | "floor" | "ceiling" | "truncate" | "round" if node.args[0].kind == "float":
+            case op if op in NODES and NODES[op].kind in ("step", "sign") and node.args[0].kind == "float":
                 self._judge(node, values.of(node.args[0], context).error)
 
     def _divisor(self, node: Node, context: Context) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from drlsl.logic.core import NODES
 from drlsl.lowering.ir import Node
 from drlsl.verify.floats.intervals import Values
 from drlsl.verify.floats.rounding import down, up
@@ -80,16 +81,8 @@ class Order:
         """Return whether both are the same operation with arguments in the right order."""
         left, right = one.args, other.args
         match one.op:
-            case "add":
-                return any(
-                    self.at_most(left[0], a) and self.at_most(left[1], b) for a, b in (right, right[::-1])
-                )
-            case "sub":
-                return self.at_most(left[0], right[0]) and self.at_most(right[1], left[1])
-            case "neg":
-                return self.at_most(right[0], left[0])
-            case "sqrt" | "tofloat" | "floor" | "ceiling" | "truncate" | "round":
-                return self.at_most(left[0], right[0])
+            case "add" if self.at_most(left[0], right[1]) and self.at_most(left[1], right[0]):
+                return True
             case "div":
                 return left[1] is right[1] and self._scaled(left[1], left[0], right[0])
             case "mul":
@@ -98,7 +91,11 @@ class Order:
                     for a, b in (left, left[::-1])
                     for c, d in (right, right[::-1])
                 )
-        return False
+        grows = NODES[one.op].grows if one.op in NODES else ()
+        return bool(grows) and all(
+            self.at_most(*((a, b) if sign > 0 else (b, a)))
+            for sign, a, b in zip(grows, left, right, strict=True)
+        )
 
     def _scaled(self, factor: Node, one: Node, other: Node) -> bool:
         """Return whether a common factor that has a sign keeps two numbers in order."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
+from drlsl.logic.core import Operation
 from drlsl.verify.ranges import decimal
 
 _OUTWARD: Final = 1 + 2.0**-48
@@ -270,84 +270,17 @@ def _times(one: float, other: float) -> float:
 # ---------------------------------------------------------------- functions of the C library
 
 
-@dataclass(frozen=True, slots=True)
-class _Smooth:
-    """A function: the interval of its values, and their largest change over `error`."""
-
-    values: Callable[[float, float], tuple[float, float]]
-    change: Callable[[float, float, float], float]
-
-
-def _rising(function: Callable[[float], float]) -> Callable[[float, float], tuple[float, float]]:
-    return lambda low, high: (function(low), function(high))
-
-
-def _falling(function: Callable[[float], float]) -> Callable[[float, float], tuple[float, float]]:
-    return lambda low, high: (function(high), function(low))
-
-
-def _steepest(slope: Callable[[float], float]) -> Callable[[float, float, float], float]:
-    """Return the change of a function whose slope is greatest at an end of the interval."""
-    return lambda low, high, error: error * max(abs(slope(low - error)), abs(slope(high + error)))
-
-
-def _at_most_one(_low: float, _high: float, error: float) -> float:
-    return error
-
-
-def _arc(_low: float, _high: float, error: float) -> float:
-    """Return the change of asin and acos, which are steepest at 1: acos(1 - e) <= pi sqrt(e / 2)."""
-    return math.pi * math.sqrt(error / 2)
-
-
-def _tan_values(low: float, high: float) -> tuple[float, float]:
-    if not -1.57 < low <= high < 1.57:
-        raise ValueError("tan has poles")
-    return math.tan(low), math.tan(high)
-
-
-def _cosh_values(low: float, high: float) -> tuple[float, float]:
-    least = 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
-    return math.cosh(least), math.cosh(max(abs(low), abs(high)))
-
-
-def _clamped(function: Callable[[float], float]) -> Callable[[float], float]:
-    """Return a function of -1 to 1, also defined just beyond for arguments with rounding errors."""
-    return lambda value: function(min(1.0, max(-1.0, value)))
-
-
-_FUNCTIONS: Final[dict[str, _Smooth]] = {
-    "exp": _Smooth(_rising(math.exp), _steepest(math.exp)),
-    "log": _Smooth(_rising(math.log), _steepest(lambda value: 1 / value if value > 0 else math.inf)),
-    "sin": _Smooth(lambda _low, _high: (-1.0, 1.0), _at_most_one),
-    "cos": _Smooth(lambda _low, _high: (-1.0, 1.0), _at_most_one),
-    "tan": _Smooth(_tan_values, _steepest(lambda value: 1 + math.tan(value) ** 2)),
-    "asin": _Smooth(_rising(_clamped(math.asin)), _arc),
-    "acos": _Smooth(_falling(_clamped(math.acos)), _arc),
-    "atan": _Smooth(_rising(math.atan), _at_most_one),
-    "sinh": _Smooth(_rising(math.sinh), _steepest(math.cosh)),
-    "cosh": _Smooth(_cosh_values, _steepest(math.sinh)),
-    "tanh": _Smooth(_rising(math.tanh), _at_most_one),
-    "asinh": _Smooth(_rising(math.asinh), _at_most_one),
-    "acosh": _Smooth(
-        _rising(lambda value: math.acosh(max(1.0, value))), lambda _low, _high, error: math.sqrt(2 * error)
-    ),
-    "atanh": _Smooth(
-        _rising(math.atanh), _steepest(lambda value: 1 / (1 - value * value) if abs(value) < 1 else math.inf)
-    ),
-}
-
-
-def apply(name: str, *args: Approximation) -> Approximation:
+def apply(row: Operation, *args: Approximation) -> Approximation:
     """Return a function of the C library; unbounded if it may be undefined or a pole is near."""
     try:
-        if name == "pow":
+        if row.kind == "power":
             low, high, change = _power(*args)
+        elif row.curve is None:
+            return ANY
         else:
             (one,) = args
-            smooth = _FUNCTIONS[name]
-            low, high = smooth.values(one.low, one.high)
-            change = smooth.change(one.low, one.high, one.error) if one.error else 0.0
+            low, high = row.extent(one.low, one.high)
+            change = row.curve.change(one.low, one.high, one.error) if one.error else 0.0
     except (ValueError, OverflowError, ZeroDivisionError):
         return ANY
     if math.isnan(low) or math.isnan(high) or math.isnan(change):

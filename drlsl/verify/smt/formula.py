@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, TypeAlias
 
+from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import LARGEST, Node, Relation
 from drlsl.verify.smt.booleans import Bool
@@ -117,16 +118,16 @@ class Formula:
             return self.algebra.equal(self.value(number), self.algebra.zero)
         if node.data < LARGEST or number.kind == "int":
             return self.booleans.true
-        if number.op == "function":
-            argument = self.value(number.args[0])
-            domain = domain_of(number.data, self._exponent(number))
+        row = NODES.get(number.op)
+        if row is not None and row.kind in ("real", "power"):
+            domain = domain_of(row, self._exponent(number))
             if domain is not None:
-                return self._between(domain[0], argument, domain[1])
+                return self._between(domain[0], self.value(number.args[0]), domain[1])
         return self._between(-_LARGEST_FLOAT, self.value(number), _LARGEST_FLOAT)
 
     def _exponent(self, function: Node) -> Fraction | None:
         """Return the exponent of a power if it is constant."""
-        if function.data != "pow":
+        if function.op != "pow":
             return None
         exponent = self.value(function.args[1])
         constant = exponent.constant if isinstance(exponent, Polynomial) else None
@@ -386,17 +387,17 @@ class Formula:
                 return algebra.choose(algebra.less(algebra.zero, args[0]), algebra.one, below)
             case "tofloat":
                 return args[0]
-            case "function":
-                return self._function(node, args)
-            case "floor" | "ceiling" | "truncate" | "round" | "truncdiv" | "floordiv" | "mod":
-                # nothing is assumed about these: proofs stay valid, and refutations are replayed
-                return algebra.apply(node.op, args)
+            case op if op in NODES:
+                return self._function(NODES[op], node, args)
         raise NotTranslatable(f"a formula has no {node.op}")
 
-    def _function(self, node: Node, args: Sequence[Value]) -> Value:
-        """Return a function of the C library: a power by arithmetic if possible, else bounded."""
+    def _function(self, row: Operation, node: Node, args: Sequence[Value]) -> Value:
+        """Return a function: a power by arithmetic if possible, else bounded.
+
+        Nothing else is assumed about it: proofs stay valid, and refutations are replayed.
+        """
         algebra, exponent = self.algebra, self._exponent(node)
         power = None if exponent is None else algebra.power(args[0], exponent)
         if power is not None:
             return power
-        return algebra.apply(node.data, args, bounds_of(node.data, algebra.interval(args[0]), exponent))
+        return algebra.apply(row.node, args, bounds_of(row, algebra.interval(args[0]), exponent))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Final
 
+from drlsl.logic.core import Operation
 from drlsl.verify.smt.polynomials import Interval, Rational
 
 _SLACK: Final = Fraction(1, 10**9)
@@ -15,59 +17,17 @@ _SLACK: Final = Fraction(1, 10**9)
 _LARGEST_EXPONENT: Final = 709.78
 """Below this, exp/1 does not overflow."""
 
-_DOMAINS: Final[dict[str, Interval]] = {
-    "acos": (Fraction(-1), Fraction(1)),
-    "asin": (Fraction(-1), Fraction(1)),
-    "acosh": (Fraction(1), None),
-    "atanh": (Fraction(math.nextafter(-1.0, 0.0)), Fraction(math.nextafter(1.0, 0.0))),
-    "exp": (None, Fraction(str(_LARGEST_EXPONENT))),
-    "sinh": (Fraction("-710.47"), Fraction("710.47")),
-    "cosh": (Fraction("-710.47"), Fraction("710.47")),
-    "log": (None, None),
-    "tan": (None, None),
-    "asinh": (None, None),
-    "sin": (None, None),
-    "cos": (None, None),
-    "atan": (None, None),
-    "tanh": (None, None),
-}
-"""The arguments for which a function has a value that is a float, rounded inward where it overflows.
-
-The domain of `log`, the positive numbers, is checked separately; none of its values is large.
-"""
-
-_BOUNDED: Final[dict[str, Interval]] = {
-    "sin": (Fraction(-1), Fraction(1)),
-    "cos": (Fraction(-1), Fraction(1)),
-    "tanh": (Fraction(-1), Fraction(1)),
-    "atan": (Fraction(-8, 5), Fraction(8, 5)),
-    "asin": (Fraction(-8, 5), Fraction(8, 5)),
-    "acos": (Fraction(0), Fraction(16, 5)),
-    "acosh": (Fraction(0), Fraction(711)),
-    "asinh": (Fraction(-711), Fraction(711)),
-    "exp": (Fraction(0), None),
-    "cosh": (Fraction(99, 100), None),
-    "log": (Fraction(-746), Fraction(710)),
-}
-"""Bounds on the values, over all floats."""
-
-_RISING: Final[dict[str, Callable[[float], float]]] = {
-    "exp": math.exp,
-    "log": math.log,
-    "sinh": math.sinh,
-    "asinh": math.asinh,
-    "atan": math.atan,
-    "tanh": math.tanh,
-}
+_LARGEST: Final = sys.float_info.max
 
 
-def domain_of(function: str, exponent: Fraction | None = None) -> Interval | None:
+def domain_of(row: Operation, exponent: Fraction | None = None) -> Interval | None:
     """Return the interval of arguments for which a function has a float value; None without bounds.
 
-    Of ``pow``, by its exponent, the bases: positive ones, or any if the exponent is a whole number.
+    Of ``pow``, by its exponent, the bases: positive ones, or any if the exponent is a whole number. What
+    a row needs is said beside it.
     """
-    if function != "pow":
-        return _DOMAINS[function]
+    if row.kind != "power":
+        return None if row.curve is None else _bounds((None, None) if row.needs else row.curve.arguments)
     if exponent is None or not exponent:
         return None if exponent is None else (None, None)
     magnitude = _LARGEST_EXPONENT / float(abs(exponent))
@@ -77,16 +37,32 @@ def domain_of(function: str, exponent: Fraction | None = None) -> Interval | Non
     return (-reach, reach) if exponent > 0 else (1 / reach, None)
 
 
-def bounds_of(function: str, argument: Interval, exponent: Fraction | None = None) -> Interval:
+def bounds_of(row: Operation, argument: Interval, exponent: Fraction | None = None) -> Interval:
     """Return bounds on a function's values, given bounds on its argument, or on its base."""
-    if function == "pow":
+    if row.kind == "power":
         return _power(argument, exponent)
-    least, most = _BOUNDED.get(function, (None, None))
-    if function in _RISING:
-        low, high = (_at(_RISING[function], bound) for bound in argument)
-        least = _widened(low, -1, least, max)
-        most = _widened(high, 1, most, min)
-    return (least, most)
+    if row.curve is None:
+        return (None, None)
+    least, most = _bounds(row.curve.image)
+    ends = (max(row.curve.arguments[0], -_LARGEST), min(row.curve.arguments[1], _LARGEST))
+    try:
+        low, high = row.extent(
+            *(_inside(ends, end, bound) for end, bound in zip(ends, argument, strict=True))
+        )
+    except (ValueError, OverflowError):  # no float is that large
+        return (least, most)
+    return (_widened(low, -1, least, max), _widened(high, 1, most, min))
+
+
+def _inside(ends: tuple[float, float], end: float, bound: Rational | None) -> float:
+    """Return a bound on an argument as a float, rounded outward but not beyond the ends."""
+    return end if bound is None else min(ends[1], max(ends[0], math.nextafter(float(bound), end)))
+
+
+def _bounds(ends: tuple[float | None, float | None]) -> Interval:
+    """Return an interval of floats, with None for infinite ends."""
+    low, high = (None if end is None or math.isinf(end) else Fraction(end) for end in ends)
+    return low, high
 
 
 def _power(base: Interval, exponent: Fraction | None) -> Interval:
