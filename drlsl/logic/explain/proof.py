@@ -12,15 +12,29 @@ from typing import Final, NamedTuple, TypeAlias
 
 from drlsl.logic.core import (
     CALL,
+    FAILURE,
     FOUND,
+    Call,
     Clause,
+    Conjunction,
+    Cut,
+    Derived,
+    Disjunction,
+    Goal,
     Host,
+    IfThenElse,
     LimitExceeded,
     Limits,
     Machine,
+    Negation,
+    NotCallable,
+    Opaque,
     Predicate,
+    Truth,
     callable_parts,
+    conjuncts,
     copy_term,
+    read_body,
     undo,
     unify,
     variant_key,
@@ -42,39 +56,36 @@ _Conjunction: TypeAlias = Generator["tuple[_Draft, ...]", None, tuple[Step, ...]
 
 
 class _Scope(NamedTuple):
-    """The common data of the goals of one clause: its variables by name, and its text."""
+    """What the goals of one clause share: its variables by name, and what is in their place in this call."""
 
     names: dict[str, Var]
-    labels: dict[int, str]  # names of the variables of the stored clause, by id
-    origin: ReadTerm | None
+    labels: dict[int, str]  # names of the variables of the clause as it is stored, by id
+    renaming: dict[Var, Term] | None  # None where goals are proved as they are written
 
 
 class _Goal(NamedTuple):
-    """A goal to prove, the same goal as written in the clause, and its place."""
+    """A goal to prove, as its clause has it, and the call that it belongs to."""
 
-    term: Term
-    source: Term
+    goal: Goal
     scope: _Scope
-    place: Span | None
 
-    def part(self, index: int) -> _Goal:
-        """Return an argument that is a goal itself."""
-        term, source = deref(self.term), self.source
-        assert isinstance(term, Struct)
-        if not isinstance(source, Struct) or len(source.args) != len(term.args):
-            return _Goal(term.args[index], term.args[index], self.scope, self.place)
-        origin = self.scope.origin
-        place = origin.place(source, index) if origin is not None else None
-        return _Goal(term.args[index], source.args[index], self.scope, place or self.place)
+    @property
+    def term(self) -> Term:
+        """The goal as it is called."""
+        return self.instance(self.goal.term)
+
+    def instance(self, term: Term) -> Term:
+        """Return a term of the clause as it is in this call."""
+        renaming = self.scope.renaming
+        return term if renaming is None else copy_term(term, renaming)
+
+    def part(self, goal: Goal) -> _Goal:
+        """Return a goal inside this one."""
+        return _Goal(goal, self.scope)
 
     def conjuncts(self) -> list[_Goal]:
         """Return the goals of a conjunction in order."""
-        goals: list[_Goal] = []
-        rest = self
-        while _is(rest.term, ",", 2):
-            goals.append(rest.part(0))
-            rest = rest.part(1)
-        return [*goals, rest]
+        return [self.part(goal) for goal in conjuncts(self.goal)]
 
 
 class _Draft(NamedTuple):
@@ -87,11 +98,6 @@ class _Draft(NamedTuple):
     note: str = ""
     clause: Span | None = None
     scope: _Scope | None = None  # of the clause that was used
-
-
-def _is(term: Term, name: str, arity: int) -> bool:
-    term = deref(term)
-    return isinstance(term, Struct) and term.name == name and len(term.args) == arity
 
 
 class _Frame:
@@ -113,7 +119,7 @@ def explain(
         LimitExceeded: It went beyond the limits, or tried more than `MAX_GOALS` goals.
     """
     labels = {id(variable): name for name, variable in variables.items()}
-    root = _Goal(goal, goal, _Scope(variables, labels, None), None)
+    root = _Goal(read_body(goal, meter=Meter(limits)), _Scope(variables, labels, None))
     search = _Search(engine, limits, max_depth)
     text = shown(goal, engine.operators, labels)
     proofs = search.conjunction(root.conjuncts(), _Frame(), 0)
@@ -139,6 +145,7 @@ class _Search:
         self.max_depth = max_depth
         self.tried = 0
         self.trail: list[Var] = []
+        self.bodies: dict[Clause, Goal] = {}
         self.tabled: set[object] = set()  # the calls of tabled predicates that are being explained
 
     # The texts of steps.
@@ -153,12 +160,12 @@ class _Search:
 
     def texts(self, goal: _Goal) -> tuple[str, str]:
         """Return the goal with its present bindings, and as written in the program."""
-        if goal.term is goal.source:
+        if goal.scope.renaming is None:
             free = goal.scope.labels
         else:
             free = {id(deref(variable)): name for name, variable in goal.scope.names.items()}
         operators = self.engine.operators
-        return shown(goal.term, operators, free), shown(goal.source, operators, goal.scope.labels)
+        return shown(goal.term, operators, free), shown(goal.goal.term, operators, goal.scope.labels)
 
     def finish(self, draft: _Draft | Step) -> Step:
         """Return the step with the present bindings of its goal and variables."""
@@ -168,7 +175,7 @@ class _Search:
         scope = draft.scope or (None if draft.holds else draft.goal.scope)
         bindings = {} if scope is None else self.bindings(scope)
         children = self.finish_all(draft.children)
-        place = draft.goal.place
+        place = draft.goal.goal.place
         return Step(
             text, draft.holds, draft.kind, source, place, draft.clause, bindings, children, draft.note
         )
@@ -208,24 +215,38 @@ class _Search:
         self.tried += 1
         if self.tried > MAX_GOALS:
             raise LimitExceeded(resource_error("goals of an explanation").term)
-        term = deref(goal.term)
+        match goal.goal:
+            case Call(name, args):
+                if (name, len(args)) == ("call", 1):
+                    return self._known_late(goal, args[0], depth)
+            case Cut():
+                return self._cut(goal, frame)
+            case Conjunction():
+                return self._joined(goal, "all", (), goal.conjuncts(), frame, depth)
+            case Disjunction(first, second):
+                return self._alternatives(goal, goal.part(first), goal.part(second), frame, depth)
+            case IfThenElse():
+                return self._condition(goal, goal.goal, frame, depth)
+            case Negation(inner):
+                return self._negation(goal, goal.part(inner), depth)
+            case Opaque(inner):
+                return self._opaque(goal.part(inner), depth)
+            case Derived((cases, action), _, term) if term.name == "forall":
+                return self._forall(goal, goal.part(cases), goal.part(action), depth)
+            case Derived((inner,), _, term) if term.name == "once":
+                return self._first(self._opaque(goal.part(inner), depth))
+            case Truth() | NotCallable():
+                return self._leaf(goal, "builtin")
+        return self._call(goal, *callable_parts(goal.term), depth)
+
+    def _known_late(self, goal: _Goal, called: Term, depth: int) -> _Proofs:
+        """Prove a goal that a variable is bound to by now; a cut inside is local."""
+        term = goal.instance(called)
         name, args = callable_parts(term)
-        key = name, len(args)
-        if key == ("!", 0):
-            return self._cut(goal, frame)
-        if key == (",", 2):
-            return self._joined(goal, "all", (), goal.conjuncts(), frame, depth)
-        if key == (";", 2):
-            return self._alternatives(goal, frame, depth)
-        if key in (("->", 2), ("*->", 2)):
-            return self._condition(goal, goal, None, frame, depth)
-        if key in (("\\+", 1), ("not", 1)):
-            return self._negation(goal, depth)
-        if key == ("forall", 2):
-            return self._forall(goal, depth)
-        if key in (("call", 1), ("once", 1)):
-            return self._opaque(goal, name == "once", depth)
-        return self._call(goal, name, args, depth)
+        inner = read_body(term, goal.goal.place, meter=self.meter)
+        if type(inner) is Call and type(goal.goal.term) is Var:
+            return self._call(goal, name, args, depth)
+        return self._opaque(_Goal(inner, goal.scope._replace(renaming=None)), depth)
 
     # Control constructs.
 
@@ -259,25 +280,18 @@ class _Search:
         finally:
             proofs.close()
 
-    def _alternatives(self, goal: _Goal, frame: _Frame, depth: int) -> _Proofs:
-        left = goal.part(0)
-        if _is(left.term, "->", 2) or _is(left.term, "*->", 2):
-            return (yield from self._condition(goal, left, goal.part(1), frame, depth))
+    def _alternatives(self, goal: _Goal, left: _Goal, right: _Goal, frame: _Frame, depth: int) -> _Proofs:
         first = yield from self._joined(left, "all", (), left.conjuncts(), frame, depth)
         if frame.cut:
             return first
-        right = goal.part(1)
         second = yield from self._joined(right, "all", (), right.conjuncts(), frame, depth)
         if first is None or second is None:
             return None
         return _Draft(goal, False, "either", (first, second))
 
-    def _condition(
-        self, whole: _Goal, branch: _Goal, other: _Goal | None, frame: _Frame, depth: int
-    ) -> _Proofs:
-        """Yield the proofs of an if-then-else; a soft one continues for each solution of its condition."""
-        condition, then = branch.part(0), branch.part(1)
-        soft = _is(branch.term, "*->", 2)
+    def _condition(self, whole: _Goal, goal: IfThenElse, frame: _Frame, depth: int) -> _Proofs:
+        """Prove an if-then-else; a soft one goes on with each solution of its condition."""
+        condition, then, soft = whole.part(goal.condition), whole.part(goal.then), goal.soft
         proofs = self.conjunction(condition.conjuncts(), _Frame(), depth)
         found, failure = False, None
         try:
@@ -295,15 +309,16 @@ class _Search:
             if found:
                 return failure
             failed = self.finish(_Draft(condition, False, "condition", reasons))
-            if other is None:
+            if goal.otherwise is FAILURE:
                 return _Draft(whole, False, "if", (failed,))
+            other = whole.part(goal.otherwise)
             return (yield from self._joined(whole, "if", (failed,), other.conjuncts(), frame, depth))
         finally:
             proofs.close()
 
-    def _negation(self, goal: _Goal, depth: int) -> _Proofs:
+    def _negation(self, goal: _Goal, inner: _Goal, depth: int) -> _Proofs:
         r"""Yield the proof of ``\+ G`` by the failure of G; a proof of G is the reason of its failure."""
-        proofs = self.conjunction(goal.part(0).conjuncts(), _Frame(), depth)
+        proofs = self.conjunction(inner.conjuncts(), _Frame(), depth)
         steps: tuple[Step, ...] | None = None
         reasons: tuple[Step, ...] = ()
         try:
@@ -317,15 +332,15 @@ class _Search:
         yield _Draft(goal, True, "negation", reasons)
         return None
 
-    def _forall(self, goal: _Goal, depth: int) -> _Proofs:
+    def _forall(self, goal: _Goal, given: _Goal, action: _Goal, depth: int) -> _Proofs:
         """Yield the proof of forall/2; a case in which the action fails is the reason of its failure."""
-        cases = self.conjunction(goal.part(0).conjuncts(), _Frame(), depth)
+        cases = self.conjunction(given.conjuncts(), _Frame(), depth)
         count = 0
         against: tuple[Step, ...] | None = None
         try:
             for case in cases:
                 count += 1
-                actions = self.conjunction(goal.part(1).conjuncts(), _Frame(), depth)
+                actions = self.conjunction(action.conjuncts(), _Frame(), depth)
                 try:
                     next(actions)
                 except StopIteration as end:
@@ -341,12 +356,11 @@ class _Search:
         yield _Draft(goal, True, "negation", note=note)
         return None
 
-    def _opaque(self, goal: _Goal, only_first: bool, depth: int) -> _Proofs:
-        """Yield the proofs of call/1 and once/1: a cut inside is local."""
-        inner = goal.part(0)
-        proofs = self._joined(inner, "all", (), inner.conjuncts(), _Frame(), depth)
-        if not only_first:
-            return (yield from proofs)
+    def _opaque(self, inner: _Goal, depth: int) -> _Proofs:
+        """Prove a goal that is called: a cut inside is local."""
+        return self._joined(inner, "all", (), inner.conjuncts(), _Frame(), depth)
+
+    def _first(self, proofs: _Proofs) -> _Proofs:
         try:
             yield next(proofs)
         except StopIteration as end:
@@ -445,24 +459,29 @@ class _Search:
         if not unify(head, goal.term, self.trail):
             undo(self.trail, mark)
             return None
-        source, origin = clause.body, None
-        if isinstance(clause.origin, ReadTerm) and _is(clause.origin.term, ":-", 2):
-            origin = clause.origin
-            assert isinstance(origin.term, Struct)
-            source = origin.term.args[1]
-        term = copy_term(source, renaming)
-        names = {name: renaming[variable] for name, variable in clause.names.items() if variable in renaming}
-        variables = {name: variable for name, variable in names.items() if isinstance(variable, Var)}
+        for variable in clause.names.values():
+            renaming.setdefault(variable, Var(variable.name))
+        variables = {
+            name: var for name, variable in clause.names.items() if type(var := renaming[variable]) is Var
+        }
         labels = {id(variable): name for name, variable in clause.names.items()}
-        scope = _Scope(variables, labels, origin)
-        place = (
-            origin.place(origin.term, 1) if origin is not None and isinstance(origin.term, Struct) else None
-        )
-        return _Goal(term, source, scope, place or clause.span)
+        return _Goal(self._body(clause), _Scope(variables, labels, renaming))
+
+    def _body(self, clause: Clause) -> Goal:
+        """Read the body of a clause as its text has it, with places, where it was read from one."""
+        body = self.bodies.get(clause)
+        if body is None:
+            read = clause.origin
+            if isinstance(read, ReadTerm) and isinstance(read.term, Struct) and read.term.name == ":-":
+                body = read_body(read.term.args[1], read.place(read.term, 1) or clause.span, read)
+            else:
+                body = read_body(clause.body, clause.span)
+            self.bodies[clause] = body
+        return body
 
     def _clause(self, goal: _Goal, clause: Clause, body: _Goal, frame: _Frame, depth: int) -> _Proofs:
         """Yield the proofs by one clause whose head matches."""
-        if body.term is TRUE:
+        if body.goal.term is TRUE:
             yield _Draft(goal, True, "fact", (), "", clause.span, body.scope)
             return None
         proofs = self.conjunction(body.conjuncts(), frame, depth + 1)
@@ -474,7 +493,7 @@ class _Search:
                 except StopIteration as end:
                     if found:
                         return None
-                    head = _Goal(clause.head, clause.head, body.scope, None)
+                    head = _Goal(read_body(clause.head), body.scope._replace(renaming=None))
                     return _Draft(head, False, "clause", end.value, "", clause.span)
                 found = True
                 yield _Draft(goal, True, "rule", steps, "", clause.span, body.scope)
