@@ -56,7 +56,7 @@ _Conjunction: TypeAlias = Generator["tuple[_Draft, ...]", None, tuple[Step, ...]
 
 
 class _Scope(NamedTuple):
-    """What the goals of one clause share: its variables by name, and what is in their place in this call."""
+    """Shared by the goals of one clause: its variables by name, and the terms in their place in this call."""
 
     names: dict[str, Var]
     labels: dict[int, str]  # names of the variables of the clause as it is stored, by id
