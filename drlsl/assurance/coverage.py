@@ -16,9 +16,23 @@ from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.driving.shield import Shield
 from drlsl.logic import Engine
 from drlsl.logic.builtins import split_clause
-from drlsl.logic.core import GOAL_ARGUMENTS, Clause, callable_parts
-from drlsl.logic.syntax import ReadTerm
-from drlsl.logic.terms import TRUE, Atom, Struct, Term, deref
+from drlsl.logic.core import (
+    FAILURE,
+    GOAL_ARGUMENTS,
+    Call,
+    Clause,
+    Conjunction,
+    Derived,
+    Disjunction,
+    Findall,
+    Goal,
+    IfThenElse,
+    Negation,
+    Opaque,
+    body_of,
+    read_body,
+)
+from drlsl.logic.terms import TRUE, Atom, Struct, Term
 
 _FAIL: Final = Atom("fail")
 _POINT: Final = "$covered"
@@ -97,61 +111,64 @@ class Instrumented:
         clause = text.clause
         self._entries.append(text)
         entry = _note(f"entry {len(self._entries) - 1}")
-        end = self._point(CLAUSE, text, None, 0)
-        # The reader knows the positions of the term that it read; the clause's body may be a copy.
-        read = clause.origin.term
-        is_rule = type(read) is Struct and read.name == ":-"
-        body = self._body(read.args[1], text) if is_rule else clause.body
+        end = self._point(CLAUSE, text)
+        body = self._goal(body_of(clause), text)
         head, body = split_clause(Struct(":-", (clause.head, _all_of(entry, body, end))))
         return Clause(head, body, clause.span, clause.names, clause.source, clause.origin)
 
-    def _point(self, what: str, text: ClauseText, control: Struct | None, index: int) -> Term:
-        """Return a goal that records a point, at a control construct's argument or at the clause itself."""
-        place = text.clause.span
-        if control is not None and isinstance(text.clause.origin, ReadTerm):
-            place = text.clause.origin.place(control, index) or place
+    def _point(self, what: str, text: ClauseText, goal: Goal | None = None) -> Term:
+        """Return a goal that records a point, where another goal stands or at the clause itself."""
+        place = goal.place if goal is not None and goal.place is not None else text.clause.span
         self.points.append(Point(what, text.predicate, text.number, place.name, place.line, place.column))
         self.sources.append(text.clause.source)
         return _note(f"point {len(self.points) - 1}")
 
-    def _body(self, term: Term, text: ClauseText) -> Term:
-        term = deref(term)
-        if type(term) is not Struct:
+    def _goal(self, goal: Goal, text: ClauseText) -> Term:
+        """Return a goal as it is written, with points in it."""
+        match goal:
+            case Conjunction(goals):
+                return _all_of(*(self._goal(part, text) for part in goals))
+            case Disjunction(first, second):
+                arms = (
+                    _all_of(self._goal(arm, text), self._point("alternative", text, arm))
+                    for arm in (first, second)
+                )
+                return Struct(";", tuple(arms))
+            case IfThenElse():
+                return self._branches(goal, text)
+            case Negation(inner):
+                # It records both outcomes and binds nothing, as before.
+                found = _all_of(self._point("negation fails", text, inner), _FAIL)
+                none = self._point("negation holds", text, inner)
+                return Struct(";", (Struct("->", (self._goal(inner, text), found)), none))
+            case Opaque(inner) | Findall(_, inner):
+                return self._calling(goal.term, [inner], text)
+            case Derived(goals):
+                return self._calling(goal.term, goals, text)
+            case Call():
+                places = GOAL_ARGUMENTS.get((goal.name, len(goal.args)), ())
+                origin = text.clause.origin
+                given = [read_body(goal.args[place], goal.place, origin) for place in places]
+                return self._calling(goal.term, given, text)
+        return goal.term
+
+    def _calling(self, term: Term, goals: Sequence[Goal], text: ClauseText) -> Term:
+        """Return a goal with points in the goals that it is given."""
+        if type(term) is not Struct or not goals:
             return term
-        name, args = callable_parts(term)
-        if (name, len(args)) == (",", 2):
-            return Struct(",", (self._body(args[0], text), self._body(args[1], text)))
-        if (name, len(args)) in ((";", 2), ("|", 2)):
-            return self._either(term, text)
-        if name in ("->", "*->") and len(args) == 2:
-            return self._then(term, text)
-        if (name, len(args)) in (("\\+", 1), ("not", 1)):
-            return self._negation(term, text)
-        inner = GOAL_ARGUMENTS.get((name, len(args)), ())
-        if not inner:
-            return term
-        return Struct(name, tuple(self._body(arg, text) if n in inner else arg for n, arg in enumerate(args)))
+        args = list(term.args)
+        for place, goal in zip(GOAL_ARGUMENTS[term.name, len(args)], goals, strict=True):
+            args[place] = self._goal(goal, text)
+        return Struct(term.name, tuple(args))
 
-    def _either(self, term: Struct, text: ClauseText) -> Term:
-        first = deref(term.args[0])
-        if type(first) is Struct and first.name in ("->", "*->") and len(first.args) == 2:
-            otherwise = _all_of(self._point("else", text, term, 1), self._body(term.args[1], text))
-            return Struct(";", (self._then(first, text), otherwise))
-        arms = [
-            _all_of(self._body(arm, text), self._point("alternative", text, term, index))
-            for index, arm in enumerate(term.args)
-        ]
-        return Struct(";", tuple(arms))
-
-    def _then(self, term: Struct, text: ClauseText) -> Term:
-        then = _all_of(self._point("then", text, term, 1), self._body(term.args[1], text))
-        return Struct(term.name, (self._body(term.args[0], text), then))
-
-    def _negation(self, term: Struct, text: ClauseText) -> Term:
-        """Return ``\\+ G`` so that it records both outcomes and binds nothing, as before."""
-        found = _all_of(self._point("negation fails", text, term, 0), _FAIL)
-        none = self._point("negation holds", text, term, 0)
-        return Struct(";", (Struct("->", (self._body(term.args[0], text), found)), none))
+    def _branches(self, goal: IfThenElse, text: ClauseText) -> Term:
+        has_else = goal.otherwise is not FAILURE
+        otherwise = None
+        if has_else:
+            otherwise = _all_of(self._point("else", text, goal.otherwise), self._goal(goal.otherwise, text))
+        then = _all_of(self._point("then", text, goal.then), self._goal(goal.then, text))
+        chosen = Struct("*->" if goal.soft else "->", (self._goal(goal.condition, text), then))
+        return chosen if otherwise is None else Struct(";", (chosen, otherwise))
 
 
 def _note(key: str) -> Term:

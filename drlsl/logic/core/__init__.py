@@ -33,7 +33,7 @@ from drlsl.logic.core.builtin_table import (
     quick,
 )
 from drlsl.logic.core.checked_functions import Number, generator, of_one_type, to_float
-from drlsl.logic.core.clauses import Clause, Indicator, Predicate, Program, index_key
+from drlsl.logic.core.clauses import Clause, Indicator, Predicate, Program, body_of, index_key
 from drlsl.logic.core.dcg import translate_body, translate_rule
 from drlsl.logic.core.goal_tree import (
     CLAUSE,
@@ -173,6 +173,7 @@ __all__ = [
     "Task",
     "Trail",
     "Truth",
+    "body_of",
     "build",
     "builtin_indicators",
     "call_table",

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
+from drlsl.logic.core.goal_tree import Goal, read_body
+from drlsl.logic.syntax import ReadTerm
 from drlsl.logic.terms import TRUE, Atom, Struct, Term, Var, deref
 
 Indicator: TypeAlias = tuple[str, int]
@@ -54,6 +56,14 @@ class Clause:
 
     def __repr__(self) -> str:
         return f"Clause({self.head!r}, {self.body!r}, span={self.span!r})"
+
+
+def body_of(clause: Clause) -> Goal:
+    """Return the body of a clause as its text has it, with places, where it was read from one."""
+    read = clause.origin
+    if isinstance(read, ReadTerm) and isinstance(read.term, Struct) and read.term.name == ":-":
+        return read_body(read.term.args[1], read.place(read.term, 1) or clause.span, read)
+    return read_body(clause.body, clause.span)
 
 
 def index_key(term: Term) -> Any:

@@ -31,6 +31,7 @@ from drlsl.logic.core import (
     Opaque,
     Predicate,
     Truth,
+    body_of,
     callable_parts,
     conjuncts,
     copy_term,
@@ -42,8 +43,8 @@ from drlsl.logic.core import (
 from drlsl.logic.errors import resource_error
 from drlsl.logic.explain.explanation import Explanation, Step, shown, value
 from drlsl.logic.limits import Meter
-from drlsl.logic.syntax import ReadTerm, Span
-from drlsl.logic.terms import TRUE, Struct, Term, Var, deref
+from drlsl.logic.syntax import Span
+from drlsl.logic.terms import TRUE, Term, Var, deref
 
 MAX_DEPTH: Final = 24  # nested calls of the program's predicates that are shown
 MAX_GOALS: Final = 30_000  # goals that one explanation may try
@@ -465,19 +466,10 @@ class _Search:
             name: var for name, variable in clause.names.items() if type(var := renaming[variable]) is Var
         }
         labels = {id(variable): name for name, variable in clause.names.items()}
-        return _Goal(self._body(clause), _Scope(variables, labels, renaming))
-
-    def _body(self, clause: Clause) -> Goal:
-        """Read the body of a clause as its text has it, with places, where it was read from one."""
         body = self.bodies.get(clause)
         if body is None:
-            read = clause.origin
-            if isinstance(read, ReadTerm) and isinstance(read.term, Struct) and read.term.name == ":-":
-                body = read_body(read.term.args[1], read.place(read.term, 1) or clause.span, read)
-            else:
-                body = read_body(clause.body, clause.span)
-            self.bodies[clause] = body
-        return body
+            body = self.bodies[clause] = body_of(clause)
+        return _Goal(body, _Scope(variables, labels, renaming))
 
     def _clause(self, goal: _Goal, clause: Clause, body: _Goal, frame: _Frame, depth: int) -> _Proofs:
         """Yield the proofs by one clause whose head matches."""
