@@ -6,7 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from drlsl.logic import Engine
-from drlsl.logic.core import GOAL_ARGUMENTS, Clause, Predicate, subsumes, term_variables
+from drlsl.logic.core import (
+    GOAL_ARGUMENTS,
+    Clause,
+    Cut,
+    Negation,
+    Predicate,
+    conjuncts,
+    read_body,
+    subsumes,
+    term_variables,
+)
 from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Atom, Struct, Term, Var, deref
 from drlsl.lowering.backends import ArrayPrinter
@@ -216,36 +226,26 @@ def _unreachable(predicate: Predicate) -> Iterator[Finding]:
 
 
 def _cuts_at_once(clause: Clause) -> bool:
-    body = deref(clause.body)
-    while isinstance(body, Struct) and body.name == "," and len(body.args) == 2:
-        body = deref(body.args[0])
-    return isinstance(body, Atom) and body.name == "!"
+    return isinstance(conjuncts(read_body(clause.body))[0], Cut)
 
 
 def _floundering(clause: Clause) -> Iterator[Finding]:
     """Yield negations of goals with a variable that only a later goal binds."""
     bound = set(term_variables(clause.head))
-    goals = list(_conjunction(clause.body))
+    goals = conjuncts(read_body(clause.body))
     for number, goal in enumerate(goals):
-        later = {variable for other in goals[number + 1 :] for variable in term_variables(other)}
-        if isinstance(goal, Struct) and goal.name in ("\\+", "not") and len(goal.args) == 1:
-            loose = [
-                variable for variable in term_variables(goal) if variable not in bound and variable in later
-            ]
-            for variable in loose:
-                message = f"{_name(clause, variable)} is unbound in this negation and bound only behind it"
-                yield Finding(_place(clause), message)
+        later = {variable for other in goals[number + 1 :] for variable in term_variables(other.term)}
+        variables = term_variables(goal.term)
+        if isinstance(goal, Negation):
+            for variable in variables:
+                if variable not in bound and variable in later:
+                    name = _name(clause, variable)
+                    message = f"{name} is unbound in this negation and bound only behind it"
+                        f"{_name(clause, variable)} is unbound in this negation and bound only behind it"
+                    )
+                    yield Finding(_place(clause), message)
         else:
-            bound.update(term_variables(goal))
-
-
-def _conjunction(body: Term) -> Iterator[Term]:
-    body = deref(body)
-    if isinstance(body, Struct) and body.name == "," and len(body.args) == 2:
-        for arg in body.args:
-            yield from _conjunction(arg)
-    else:
-        yield body
+            bound.update(variables)
 
 
 def _name(clause: Clause, variable: Var) -> str:

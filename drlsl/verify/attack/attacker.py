@@ -18,7 +18,7 @@ from zlib import crc32
 import numpy as np
 
 from drlsl.driving.scene import EGO
-from drlsl.logic.core import Clause
+from drlsl.logic.core import Clause, conjuncts, read_body
 from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.lowering.backends import ArrayProgram, Rows, compile_numpy
 from drlsl.lowering.frontend import Query, deep_recursion, lower
@@ -175,7 +175,7 @@ def _near(book: Book, prop: Property) -> Query | None:
     for clause in book.engine.clauses("violates", 1):
         name = deref(clause.args[0])
         if isinstance(name, Atom) and name.name == prop.name:
-            *goals, _ = _goals(clause.body)
+            *goals, _ = [goal.term for goal in conjuncts(read_body(clause.body))]
             bodies.append(_conjunction(goals))
     query = Query(f"near {prop.name}", 0, "holds")
     head = Atom(query.name)
@@ -185,13 +185,6 @@ def _near(book: Book, prop: Property) -> Query | None:
     except NotLowerable:
         return None
     return query
-
-
-def _goals(body: Term) -> list[Term]:
-    body = deref(body)
-    if isinstance(body, Struct) and body.name == "," and len(body.args) == 2:
-        return [*_goals(body.args[0]), *_goals(body.args[1])]
-    return [body]
 
 
 def _conjunction(goals: Sequence[Term]) -> Term:
