@@ -241,8 +241,6 @@ def _floundering(clause: Clause) -> Iterator[Finding]:
                 if variable not in bound and variable in later:
                     name = _name(clause, variable)
                     message = f"{name} is unbound in this negation and bound only behind it"
-                        f"{_name(clause, variable)} is unbound in this negation and bound only behind it"
-                    )
                     yield Finding(_place(clause), message)
         else:
             bound.update(variables)
