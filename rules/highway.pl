@@ -8,16 +8,16 @@
 %   target_lane(Lane)                                  the lane that the ego is steering for
 %   time_step(Dt)                                      the time until the rules are asked again
 %   radar_range(R)                                     how far the ego sees
-%   acceleration_limit(A), braking_limit(B)            the hardest the ego can speed up and brake
-%   centre_tolerance(D)                                how near its lane's centre line the ego takes up a lane change
+%   acceleration_limit(A), braking_limit(B)            the hardest that the ego can accelerate and brake
+%   centre_tolerance(D)                                how near to its lane's centre line the ego may start a lane change
 %
-% What is assumed of others, as in RSS: a vehicle in front brakes by at most 8 m/s2; a vehicle behind, and one that comes towards the
-% ego, speeds up by at most 3 m/s2 for 0.35 s and from then on brakes by at least 6 m/s2. Nobody turns round. So does the ego itself
-% behind or before them. The rules can only keep the distance to a vehicle that comes the other way as far as the ego sees:
+% Assumptions, as in RSS: a vehicle in front brakes by at most 8 m/s2; a vehicle behind, or an oncoming one, accelerates by at most
+% 3 m/s2 for 0.35 s and then brakes by at least 6 m/s2. No vehicle turns round. The same is assumed of the ego where it is the one
+% behind or in front, or meets an oncoming vehicle. The distance to an oncoming vehicle can only be kept as far as the ego sees:
 % at 30 m/s and 40 m/s, 247.6 m from bumper to bumper are needed (docs/driving.md).
 %
-% Asked of every program:  safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
-% state(Observation), entry_is_safe.  Asked where present: lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
+% Every program must have: safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
+% state(Observation), entry_is_safe.  Optional: lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
 
 :- dynamic(vehicle/8).
 :- dynamic(road_lane/5).
@@ -28,37 +28,37 @@
 :- dynamic(braking_limit/1).
 :- dynamic(centre_tolerance/1).
 
-:- multifile(objection/2).    % a file on top of this one may have more
+:- multifile(objection/2).    % a file on top of this one may add clauses
 
 :- include('longitudinal.pl').
 :- include('observation.pl').
 
 % ---------------------------------------------------------------------------------------------------- parameters
 
-% response_time(T): the time before a rear vehicle, or one that comes the other way, reacts. Source: UN R157, 5.2.5.2 (0.35 s).
+% response_time(T): the time before a rear or oncoming vehicle reacts. Source: UN R157, 5.2.5.2 (0.35 s).
 response_time(0.35).
 
-% response_acceleration(A): how hard it may speed up before it reacts. Source: RSS, a_max,accel.
+% response_acceleration(A): how hard it may accelerate before it reacts. Source: RSS, a_max,accel.
 response_acceleration(3.0).
 
-% rear_braking(B): the braking a rear vehicle is sure to reach, and either of two that come towards each other.
+% rear_braking(B): the braking that a rear vehicle, or either of two oncoming ones, certainly reaches.
 % Source: RSS, a_min,brake and a_min,brake,correct; UN R157 (6 m/s2).
 rear_braking(6.0).
 
 % front_braking(B): the hardest braking to expect of a vehicle in front. Source: RSS, a_max,brake; dry road.
 front_braking(8.0).
 
-% standstill_gap(D): the room kept to another bumper on top of the critical distance.
+% standstill_gap(D): the room kept between bumpers on top of the critical distance.
 standstill_gap(2.0).
 
-% lateral_margin(M): the room kept between two sides that pass each other.
+% lateral_margin(M): the room kept between the sides of two vehicles that pass each other.
 lateral_margin(0.3).
 
-% side_time(T): a vehicle that closes in within this time counts as beside the ego already.
+% side_time(T): a vehicle that will be beside the ego within this time counts as beside it already.
 side_time(1.0).
 
-% drift_horizon(Side, T): how far ahead a vehicle's sideways motion is followed to see whether it enters the way of Side.
-% A lane change, and entering the road, claims the lane for a while; the ego's own lane is watched anew at every step.
+% drift_horizon(Side, T): for how long a vehicle's sideways motion is extrapolated to see whether it enters the way of Side.
+% A lane change, or entering the road, needs the lane for a while; the ego's own lane is checked again at every step.
 drift_horizon(own, 1.0).
 drift_horizon(home, 1.0).
 drift_horizon(entry, 3.0).
@@ -81,16 +81,16 @@ direction(Car, Direction) :- lane(Car, Lane), road_lane(Lane, Direction, _, _, _
 heading(left_to_right, 1).
 heading(right_to_left, -1).
 
-% ego_heading(Sign): the ego's sign of motion along x.
+% ego_heading(Sign): the sign of the ego's motion along x.
 ego_heading(Sign) :- direction(ego, Direction), heading(Direction, Sign).
 
-% velocity(Car, V): Car's velocity in the ego's direction; negative for a vehicle that comes the other way.
+% velocity(Car, V): Car's velocity in the ego's direction; negative for an oncoming vehicle.
 velocity(Car, V) :- vehicle(Car, _, _, _, Vx, _, _, _), ego_heading(Sign), V is Sign * Vx.
 
-% speed(Car, V): Car's speed in the ego's direction; 0 for a vehicle that stands or comes the other way.
+% speed(Car, V): Car's speed in the ego's direction; 0 for a standing or oncoming vehicle.
 speed(Car, V) :- velocity(Car, V0), V is max(0.0, V0).
 
-% distance(Car1, Car2, D): between the two centres. Source: paper, SLP for AD.
+% distance(Car1, Car2, D): the distance between the two centres. Source: paper, SLP for AD.
 distance(Car1, Car2, D) :-
     position_x(Car1, X1), position_x(Car2, X2), position_y(Car1, Y1), position_y(Car2, Y2),
     D is sqrt((X1 - X2) * (X1 - X2) + (Y1 - Y2) * (Y1 - Y2)).
@@ -103,7 +103,7 @@ target_vehicle(Car) :-
 % offset(Car, S): how far Car's centre is ahead of the ego's (negative: behind).
 offset(Car, S) :- position_x(ego, X1), position_x(Car, X2), ego_heading(Sign), S is Sign * (X2 - X1).
 
-% gap(Car, Gap): from bumper to bumper along the road; negative where the two overlap along it.
+% gap(Car, Gap): the gap to the ego from bumper to bumper along the road; negative where the two overlap along it.
 gap(Car, Gap) :-
     offset(Car, S),
     vehicle(ego, _, _, _, _, _, Length1, _), vehicle(Car, _, _, _, _, _, Length2, _),
@@ -123,8 +123,8 @@ side_lane(Side, Lane) :-
 leftward(left, 1).
 leftward(right, -1).
 
-% way(Side, Low, High): the range of y that must be free: for the ego's body on its own way to the target lane's centre, with
-% the lateral margin; the whole lane it is in ("home", and "entry" where it comes onto the road), or the lane to a side.
+% way(Side, Low, High): the range of y that must be free: what the ego's body covers on its way to the target lane's centre, with
+% the lateral margin ("own"); the whole lane it is in ("home", and "entry" where it enters the road); or the lane to a side.
 way(own, Low, High) :-
     vehicle(ego, _, _, Y, _, _, _, Width), target_lane(Lane), road_lane(Lane, _, Centre, _, _), lateral_margin(Margin),
     Low is min(Y, Centre) - Width / 2 - Margin, High is max(Y, Centre) + Width / 2 + Margin.
@@ -136,7 +136,7 @@ way(right, Low, High) :- side_lane(right, Lane), lane_strip(Lane, Low, High).
 % lane_strip(Lane, Low, High): the range of y that Lane covers.
 lane_strip(Lane, Low, High) :- road_lane(Lane, _, Y, Width, _), Low is Y - Width / 2, High is Y + Width / 2.
 
-% in_way(Car, Side): Car's body, as it is or as it drifts sideways, reaches into the way.
+% in_way(Car, Side): Car's body, now or as it drifts sideways, reaches into the way of Side.
 in_way(Car, Side) :-
     way(Side, Low, High),
     vehicle(Car, _, _, Y, _, Vy, _, Width), drift_horizon(Side, T), Drifted is Y + Vy * T,
@@ -197,8 +197,8 @@ front_left_is_free :- \+ front_left_is_busy.
 
 % ----------------------------------------------------------------------------------------------- safe distances
 
-% stopping_way(V, S): how far a vehicle comes at most until it stands: it may speed up until it reacts, and then brakes as it is
-% sure to.
+% stopping_way(V, S): how far a vehicle goes at most until it stands: it may accelerate until it reacts, and then brakes as hard as
+% it certainly can.
 stopping_way(V, S) :-
     response_time(T), response_acceleration(A), rear_braking(B),
     S is V * T + A * T * T / 2 + (V + A * T) * (V + A * T) / (2 * B).
@@ -208,22 +208,22 @@ stopping_way(V, S) :-
 critical_distance(VRear, VFront, C) :-
     stopping_way(VRear, S), front_braking(B), C is max(0.0, S - VFront * VFront / (2 * B)).
 
-% opposite_distance(V1, V2, C): the least gap from which two that come towards each other, as fast as V1 and V2, can both stop.
+% opposite_distance(V1, V2, C): the least gap from which two vehicles that drive towards each other at V1 and V2 can both stop.
 % Source: RSS, Definition 2.
 opposite_distance(V1, V2, C) :- stopping_way(V1, S1), stopping_way(V2, S2), C is S1 + S2.
 
-% required_gap(VRear, VFront, Gap): the distance of RSS and the room kept at standstill; VFront is below 0 if the front vehicle
-% comes towards the rear one.
+% required_gap(VRear, VFront, Gap): the distance of RSS plus the room kept at standstill; VFront is negative if the front vehicle
+% drives towards the rear one.
 required_gap(VRear, VFront, Gap) :-
     ( VFront < 0.0 -> V is -VFront, opposite_distance(VRear, V, C) ; critical_distance(VRear, VFront, C) ),
     standstill_gap(D), Gap is C + D.
 
-% needed_gap(Car, Gap): the gap that Car and the ego need between them, whichever of the two is in front. One that drives away
-% from behind the ego counts as standing there.
+% needed_gap(Car, Gap): the gap that Car and the ego need between them, whichever of the two is in front. A vehicle behind the ego
+% that drives away from it counts as standing there.
 needed_gap(Car, Gap) :- offset(Car, S), S >= 0.0, speed(ego, V1), velocity(Car, V2), required_gap(V1, V2, Gap).
 needed_gap(Car, Gap) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), required_gap(V2, V1, Gap).
 
-% obstacle(Side, Car, Gap, Needed): Car is in the way of Side, nearer than it must be.
+% obstacle(Side, Car, Gap, Needed): Car is in the way of Side with a gap smaller than needed.
 obstacle(Side, Car, Gap, Needed) :-
     target_vehicle(Car), in_way(Car, Side), gap(Car, Gap), needed_gap(Car, Needed), Gap < Needed.
 
@@ -233,33 +233,33 @@ obstacle(Side, Car, Gap, Needed) :-
 lane_change(left_lane_change, left).
 lane_change(right_lane_change, right).
 
-% safe_actions(Action): Action may be offered to the agent: a lane change to which there is no objection. Keeping the lane always
-% may: the longitudinal rules brake. Source: paper, SLP for AD.
+% safe_actions(Action): Action may be offered to the agent: a lane change to which there is no objection, or keeping the lane, which
+% is always offered since the longitudinal rules brake. Source: paper, SLP for AD.
 safe_actions(lane_keeping).
 safe_actions(Action) :- lane_change(Action, _), \+ objection(Action, _).
 
-% possible_actions(Actions): all of them. Source: paper, SLP for AD.
+% possible_actions(Actions): the list of all safe actions. Source: paper, SLP for AD.
 possible_actions(Actions) :- findall(Action, safe_actions(Action), Actions).
 
-% objection(Action, Reason): Reason speaks against a lane change, which is not offered then. A file on top of this one may add
+% objection(Action, Reason): Reason speaks against a lane change, which is then not offered. A file on top of this one may add
 % clauses.
 objection(Action, changing_lanes) :- lane_change(Action, _), \+ settled.
 objection(Action, no_lane) :- lane_change(Action, Side), \+ side_lane(Side, _).
 objection(Action, too_close(Car, Gap, Needed)) :- lane_change(Action, Side), obstacle(Side, Car, Gap, Needed).
 
-% entry_is_safe: the ego may come onto the road where it is: nobody in or drifting into its lane is nearer than it must be.
+% entry_is_safe: the ego may enter the road where it is: the gap to each vehicle in or drifting into its lane is large enough.
 entry_is_safe :- \+ obstacle(entry, _, _, _).
 
 % -------------------------------------------------------------------------------------- giving up a lane change
 
-% lane_to_keep(Lane): the lane that lane_keeping steers for: the target lane, or, while the ego's centre has not left the
-% lane it came from, that lane again if somebody moves into the way and nobody is beside the ego there.
+% lane_to_keep(Lane): the lane that lane_keeping steers for: the target lane; or, while the ego's centre is still in the lane that it
+% came from, that lane again if a vehicle is beside the ego in the target lane and none is beside it in the old one.
 lane_to_keep(Home) :-
     lane(ego, Home), target_lane(Target), Target \== Home,
     side_lane(Side, Target), beside(Side, _), \+ beside(home, _), !.
 lane_to_keep(Target) :- target_lane(Target).
 
-% beside(Side, Car): Car is in the way of Side and alongside, or will be within the side time.
+% beside(Side, Car): Car is in the way of Side and alongside the ego, or will be within the side time.
 beside(Side, Car) :-
     target_vehicle(Car), in_way(Car, Side),
     gap(Car, Gap), closing_speed(Car, V), side_time(T), standstill_gap(D),

@@ -1,13 +1,13 @@
-% properties.pl - what must hold in every scene, whatever the rules: proved by drlsl rules verify.
+% properties.pl - what must hold in every scene, for any rules: proved by drlsl rules verify.
 %
-%   property(Name, Text)        a property, and what it says
-%   violates(Name)              a scene breaks it
-%   image(Image, Fact, Goal)    another scene: there, Fact holds where Goal does here; in(Image, Goal) asks Goal in it
+%   property(Name, Text)        a property and its meaning
+%   violates(Name)              the scene breaks the property
+%   image(Image, Fact, Goal)    another scene, in which Fact holds where Goal holds here; in(Image, Goal) queries Goal in it
 %   focus(Car)                  any one of the vehicles
-%   range(Quantity, Low, High)  may narrow or widen a range; docs/verify.md lists them
+%   range(Quantity, Low, High)  narrows or widens a range; docs/verify.md lists the ranges
 %
-% Facts and units are those at the head of highway.pl. Nothing here relies on a rule under test but what every rule program is
-% asked for; the numbers are repeated on purpose, so that a change of the rules shows.
+% Facts and units are those at the head of highway.pl. Of the rules under test, only the predicates that every rule program must
+% have are used; the numbers are repeated on purpose, so that a change of the rules is noticed.
 
 :- ensure_loaded('spec.pl').
 
@@ -39,11 +39,11 @@ violates(critical_distance_back) :-
     spec_speed(ego, V1), spec_speed(Car, V2), spec_critical(V2, V1, Critical), Gap < Critical.
 
 property(opposite_distance,
-    'no lane change is offered with a vehicle that comes the other way in the target lane within the distance for opposite directions').
+    'no lane change is offered with an oncoming vehicle in the target lane within the distance for opposite directions').
 violates(opposite_distance) :-
     spec_offered(Side), spec_claims(Car, Side), spec_gap(Car, Offset, Gap), spec_comes_too_near(Car, Offset, Gap).
 
-property(oncoming_is_no_better, 'a vehicle that comes the other way forbids every lane change that it would forbid if it stood').
+property(oncoming_is_no_better, 'an oncoming vehicle forbids every lane change that it would forbid if it stood').
 violates(oncoming_is_no_better) :- safe_actions(Action), \+ in(standing, safe_actions(Action)).
 
 property(nothing_hidden, 'a vehicle that alone would forbid a lane change forbids it among others too').
@@ -57,7 +57,7 @@ violates(lane_to_keep) :- \+ lane_to_keep(_).
 violates(lane_to_keep) :-
     lane_to_keep(Lane), target_lane(Target), vehicle(ego, Home, _, _, _, _, _, _), Lane =\= Target, Lane =\= Home.
 
-property(safe_entry, 'the ego never comes onto the road alongside a vehicle of its lane, or within one of these distances').
+property(safe_entry, 'the ego never enters the road alongside a vehicle of its lane, or within one of these distances').
 violates(safe_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), spec_too_near(Car, Offset, Gap).
 
 % ------------------------------------------------------------------------------------------------------- speed
@@ -77,7 +77,7 @@ violates(gives_way) :-
     longitudinal_velocity(V), V > 0.0, spec_speed(ego, V1), V >= V1,
     spec_in_path(Car), spec_gap(Car, Offset, Gap), Gap > 0.0, spec_too_near(Car, Offset, Gap), Offset > 0.0.
 
-property(nobody_overlooked, 'the target speed is not above the one that each vehicle alone calls for').
+property(nobody_overlooked, 'the target speed is not above the one that any vehicle alone requires').
 violates(nobody_overlooked) :- longitudinal_velocity(V), in(alone, longitudinal_velocity(V1)), V > V1.
 
 property(front_is_free, 'the front is free exactly where no vehicle alone makes it busy').
@@ -108,17 +108,17 @@ violates(both_directions_alike) :-
 
 % ------------------------------------------------------------------------------- images; spec.pl has "alone" too
 
-% mirrored: seen in a mirror along the road.
+% mirrored: the scene in a mirror along the road.
 image(mirrored, vehicle(Id, Lane, X, Y1, Vx, Vy1, Length, Width),
     ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), Y1 is -Y, Vy1 is -Vy )).
 image(mirrored, road_lane(Lane, Direction, Y1, Width, Limit),
     ( road_lane(Lane, Direction, Y, Width, Limit), Y1 is -Y )).
 
-% standing: all that come the other way stand.
+% standing: the scene with all oncoming vehicles standing.
 image(standing, vehicle(Id, Lane, X, Y, Vx1, Vy, Length, Width),
     ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), spec_sign(Sign), Vx1 is Sign * max(0.0, Sign * Vx) )).
 
-% turned: seen from the other side of the road.
+% turned: the scene seen from the other side of the road.
 image(turned, vehicle(Id, Lane, X1, Y1, Vx1, Vy1, Length, Width),
     ( vehicle(Id, Lane, X, Y, Vx, Vy, Length, Width), X1 is -X, Y1 is -Y, Vx1 is -Vx, Vy1 is -Vy )).
 image(turned, road_lane(Lane, Direction1, Y1, Width, Limit),
@@ -128,7 +128,7 @@ image(turned, road_lane(Lane, Direction1, Y1, Width, Limit),
 spec_turned(left_to_right, right_to_left).
 spec_turned(right_to_left, left_to_right).
 
-% spec_mirrored_action(Action, Other): Action in a mirror.
+% spec_mirrored_action(Action, Other): Other is the mirror image of Action.
 spec_mirrored_action(lane_keeping, lane_keeping).
 spec_mirrored_action(left_lane_change, right_lane_change).
 spec_mirrored_action(right_lane_change, left_lane_change).

@@ -1,14 +1,14 @@
-% un_r157.pl - highway.pl with another critical distance: the cut-in criterion of UN Regulation 157 in place of RSS.
+% un_r157.pl - highway.pl with another critical distance: the cut-in criterion of UN Regulation 157 instead of RSS.
 %
-% UN R157, 5.2.5.2 has the system avoid a collision with a vehicle that cuts in while the time to collision is more than
-% v_rel / (2 * 6 m/s2) + 0.35 s. The distance of that time is what a rear vehicle needs that responds after 0.35 s and then
-% brakes by 6 m/s2 until it is as fast as the one in front, if that one keeps its speed. RSS lets it brake by 8 m/s2.
-% Towards a vehicle that comes the other way, of which UN R157 says nothing, the distance of RSS stays.
+% UN R157, 5.2.5.2 requires the system to avoid a collision with a vehicle that cuts in if the time to collision is more than
+% v_rel / (2 * 6 m/s2) + 0.35 s. The distance covered in that time is what a rear vehicle needs if it responds after 0.35 s and
+% then brakes by 6 m/s2 down to the speed of the front vehicle, which keeps its speed; RSS assumes that the front one brakes by 8 m/s2.
+% UN R157 does not cover oncoming vehicles; for them the distance of RSS is kept.
 
 :- ensure_loaded('highway.pl').
-:- abolish(critical_distance/3).    % said anew here
+:- abolish(critical_distance/3).    % redefined here
 
-% critical_distance(VRear, VFront, C): the way by which the rear vehicle comes nearer until it is no faster; 0 where it is not.
+% critical_distance(VRear, VFront, C): how much nearer the rear vehicle comes until it is no faster; 0 if it is not faster now.
 % Source: UN R157, 5.2.5.2.
 critical_distance(VRear, VFront, C) :-
     response_time(T), rear_braking(B), V is max(0.0, VRear - VFront), C is V * (V / (2 * B) + T).

@@ -1,8 +1,8 @@
 % un_r157.properties.pl - what must hold in every scene with the critical distance of un_r157.pl, besides most of properties.pl.
 %
 % Of properties.pl, critical_distance_front, critical_distance_back, safe_entry and gives_way do not hold here, and should not:
-% they ask for the distance of RSS. The properties below say the same of the one of UN R157, and what it is good for. UN R157 speaks
-% of vehicles that drive the same way; to one that comes the other way the distance of RSS is kept (opposite_distance).
+% they demand the distance of RSS. The properties below demand that of UN R157 instead, and say what it guarantees. UN R157 is about
+% vehicles that drive the same way; to an oncoming vehicle the distance of RSS is kept (opposite_distance).
 % property/2 and violates/1 are as in properties.pl, unknown/4 as in dynamics.pl.
 
 :- ensure_loaded('properties.pl').
@@ -30,7 +30,7 @@ violates(r157_back) :-
     spec_speed(Car, V1), spec_speed(ego, V2), spec_collides_too_soon(Gap, V1, V2).
 
 property(r157_entry,
-    'the ego never comes onto the road alongside a vehicle of its lane, at less than that time, or before one that comes too near').
+    'the ego never enters the road alongside a vehicle of its lane, at less than that time, or too near to an oncoming one').
 violates(r157_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, _, Gap), Gap =< 0.0.
 violates(r157_entry) :-
     entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), Offset > 0.0,
@@ -41,7 +41,7 @@ violates(r157_entry) :-
 violates(r157_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), spec_comes_too_near(Car, Offset, Gap).
 
 property(r157_gives_way,
-    'with a vehicle ahead at less than that time, or that comes the other way too near, the target speed is below the ego''s, or 0').
+    'with a vehicle ahead at less than that time, or an oncoming one too near, the target speed is below the ego''s, or 0').
 violates(r157_gives_way) :-
     longitudinal_velocity(V), V > 0.0, spec_speed(ego, V1), V >= V1,
     spec_in_path(Car), spec_gap(Car, Offset, Gap), Offset > 0.0, Gap > 0.0,
@@ -55,16 +55,16 @@ violates(r157_is_enough) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap > Critical,
     moment(T), spec_evading_way(V1, V2, T, Rear), Gap + V2 * T - Rear =< 0.0.
 
-property(r157_is_least, 'from any smaller gap there is a contact then').
+property(r157_is_least, 'from any smaller gap there is a contact if it keeps its speed').
 violates(r157_is_least) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap < Critical,
     T is 0.35 + (V1 - V2) / 6.0, spec_evading_way(V1, V2, T, Rear), Gap + V2 * T - Rear >= 0.0.
 
-% spec_collides_too_soon(Gap, V1, V2): V1 behind V2 comes nearer, and the time to collision is not above the criterion.
+% spec_collides_too_soon(Gap, V1, V2): a vehicle at V1 closes in on one at V2, and the time to collision is not above the criterion.
 spec_collides_too_soon(Gap, V1, V2) :- V1 > V2, V is max(0.0, V1 - V2), Gap =< V * (V / (2 * 6.0) + 0.35).
 
-% spec_evading_way(V1, V2, T, S): the way in the time T of a vehicle that keeps its speed V1 for 0.35 s, then brakes by 6 m/s2
-% until it is as fast as V2, or keeps its speed if it is no faster.
+% spec_evading_way(V1, V2, T, S): how far a vehicle goes in the time T that keeps its speed V1 for 0.35 s and then brakes by 6 m/s2
+% down to V2; if V1 is not above V2, it keeps its speed.
 spec_evading_way(V1, V2, T, S) :- V1 =< V2, S is V1 * T.
 spec_evading_way(V1, V2, T, S) :- V1 > V2, T =< 0.35, S is V1 * T.
 spec_evading_way(V1, V2, T, S) :-
