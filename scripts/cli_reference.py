@@ -14,7 +14,7 @@ TARGET = Path(__file__).parents[1] / "docs" / "cli.md"
 
 
 def reference() -> str:
-    """The text of docs/cli.md."""
+    """Return the text of docs/cli.md."""
     parts = [
         "# Commands",
         "",
@@ -26,7 +26,7 @@ def reference() -> str:
 
 
 def helps(command: Any, path: str) -> Iterator[tuple[str, str]]:
-    """Every command below `command` with its help."""
+    """Yield the path and help of `command` and of every command below it."""
     context = command.context_class(command, info_name=path, terminal_width=100, max_content_width=100)
     yield path, command.get_help(context)
     for name, below in getattr(command, "commands", {}).items():

@@ -1,6 +1,6 @@
 """Print how far the answers in float32 are from those in float64 on random scenes.
 
-Torch in float32 gives the bits of NumPy in float32 on a processor, so NumPy stands for both.
+On a processor Torch in float32 gives bit for bit the results of NumPy in float32, so NumPy stands for both.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ OBSERVATION_TOLERANCE = 1e-5
 
 
 def programs(rules: str) -> tuple[ArrayProgram, ArrayProgram]:
-    """A rule file in float64 and in float32."""
+    """Return a rule file compiled in float64 and in float32."""
     engine = Engine()
     engine.consult(RULES / rules)
     lowered = lower(engine, SCHEMA, [query_of(one) for one in (ACTIONS, FREE, SPEED, STATE)])
@@ -33,7 +33,7 @@ def programs(rules: str) -> tuple[ArrayProgram, ArrayProgram]:
 
 
 def differences(rules: str, rounds: int) -> str:
-    """A line about one rule file."""
+    """Return a line about one rule file."""
     exact, near = programs(rules)
     decisions, jumps, speed, observation = 0, 0, 0.0, 0.0
     for seed in range(rounds):
@@ -51,7 +51,7 @@ def differences(rules: str, rounds: int) -> str:
         speed = max(speed, float(speeds[close].max()))
         observation = max(observation, float(observations[close].max()))
     return (
-        f"{rules}: of {rounds * AT_ONCE} scenes {decisions} are decided otherwise, {jumps} have numbers "
+        f"{rules}: of {rounds * AT_ONCE} scenes {decisions} are decided differently, {jumps} have numbers "
         f"beyond the tolerance; in all others within {speed:.1e} m/s and {observation:.1e}"
     )
 

@@ -48,7 +48,7 @@ def _text(read: ReadTerm) -> str:
 
 
 def _goals(goal: Goal, names: dict[int, str], depth: int = 0) -> Iterator[str]:
-    """Return a line for each goal of the tree."""
+    """Yield a line for each goal of the tree."""
     line = "  " * depth + type(goal).__name__
     if isinstance(goal, Call):
         args = [format_term(arg, Operators(), variable_names=names) for arg in goal.args]
@@ -59,7 +59,7 @@ def _goals(goal: Goal, names: dict[int, str], depth: int = 0) -> Iterator[str]:
 
 
 def _nodes(lowered: Lowered) -> Iterator[str]:
-    """Return a line for each node of the answer, those that it is made of before it."""
+    """Yield a line for each node of the answer, operands first."""
     answer = lowered.answers[0]
     numbers: dict[Node, str] = {}
     for node in reach([answer.found]):

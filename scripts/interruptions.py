@@ -1,8 +1,8 @@
-"""Interrupt a training and a study again and again, and check that both end as if nothing had happened.
+"""Interrupt a training and a study repeatedly, and check that both end as if never interrupted.
 
 python scripts/interruptions.py runs/interruptions --interruptions 30
 
-What was done so far is kept in the folder: the same command goes on. Ends with status 1 where a bit differs.
+Progress is kept in the folder: the same command resumes. The exit status is 1 if any bit differs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SETTINGS: dict[str, Any] = {
     "env": {"track_length": 60.0, "tier": "numpy"},
     "evaluation": {"episodes": 2, "episodes_after_training": 0},
 }
-"""Short episodes and, with the preset tiny, a small network: what counts is how often files are written."""
+"""Short episodes and, with the preset tiny, a small network, so that files are written often."""
 
 STUDY: dict[str, Any] = {
     "seeds": 2,
@@ -46,16 +46,16 @@ STUDY: dict[str, Any] = {
 }
 
 PATIENCE_S = 300.0
-"""How long a process may take to do what is waited for."""
+"""Longest wait for a process."""
 
 LONGEST_S = 1.5
-"""How long a process is left at work at most."""
+"""Longest time that a process runs before it is interrupted."""
 
 Process = subprocess.Popen[bytes]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run both parts, and say what was found."""
+    """Run both parts and print the differences."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--interruptions", type=int, default=30, help="of the training, and of the study")
     parser.add_argument("--episodes", type=int, default=600, help="of each training")
     given = parser.parse_args(arguments)
-    # What a shell runs in the background ignores Ctrl-C, and so would what is begun here.
+    # A background process of a shell ignores Ctrl-C, and so would the processes started here.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     given.folder.mkdir(parents=True, exist_ok=True)
     differences = [
@@ -77,18 +77,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class Log:
-    """The interruptions so far, in a file; what comes next is drawn by how many there were."""
+    """Interruptions so far, kept in a file; their number seeds the next one."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.done: list[str] = json.loads(path.read_text("utf-8")) if path.exists() else []
 
     def draw(self) -> random.Random:
-        """A generator for the next interruption."""
+        """Return a random generator for the next interruption."""
         return random.Random(len(self.done))
 
     def add(self, how: str) -> None:
-        """Note an interruption."""
+        """Record an interruption."""
         self.done.append(how)
         self._path.write_text(json.dumps(self.done), "utf-8")
         print(f"{self._path.stem}: {len(self.done)} {how}", flush=True)
@@ -99,7 +99,7 @@ class Log:
 
 
 def training(folder: Path, interruptions: int, episodes: int) -> Iterator[str]:
-    """Interrupt a training; gives what differs from one that was left alone."""
+    """Interrupt a training; yield its differences from an uninterrupted one."""
     config = folder / "train.json"
     config.write_text(json.dumps({**SETTINGS, "episodes": episodes}), "utf-8")
     whole, broken, log = folder / "whole", folder / "broken", Log(folder / "training.json")
@@ -128,7 +128,7 @@ def training(folder: Path, interruptions: int, episodes: int) -> Iterator[str]:
 
 
 def study(folder: Path, interruptions: int, episodes: int) -> Iterator[str]:
-    """Interrupt a study, its workers among others; gives what differs from one that was left alone."""
+    """Interrupt a study and its workers; yield its differences from an uninterrupted one."""
     config = folder / "study.json"
     config.write_text(json.dumps({**STUDY, "train": {**SETTINGS, "episodes": episodes // 2}}), "utf-8")
     whole, broken, log = folder / "study-whole", folder / "study-broken", Log(folder / "study.log.json")
@@ -149,7 +149,7 @@ def study(folder: Path, interruptions: int, episodes: int) -> Iterator[str]:
         if how == "worker":
             if kill_worker(process, draw):
                 until(lambda: any(broken.glob("failures/*.json")))
-                # One failure of each task is forgiven; here there are more.
+                # A study tolerates one failure of each task; here there are more.
                 for path in broken.glob("failures/*.json"):
                     path.unlink()
                 log.add(f"kill -9 of a worker, {progress(broken)} done")
@@ -179,37 +179,37 @@ def study(folder: Path, interruptions: int, episodes: int) -> Iterator[str]:
 
 
 def begun(*arguments: object) -> Process:
-    """A command in a process group of its own."""
+    """Start a command in a process group of its own."""
     command = [sys.executable, "-c", "from drlsl.cli import main; main()", *map(str, arguments)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True, env=environment)
 
 
 def check(status: int) -> None:
-    """Make sure that a command ended by the signal that it was sent."""
+    """Check that a command was ended by the signal sent to it."""
     if status == 0:
-        raise SystemExit("done before the last interruption: give more --episodes, and another folder")
+        raise SystemExit("done before the last interruption: use more --episodes, and another folder")
     if status not in (130, 143, -signal.SIGINT, -signal.SIGTERM, -signal.SIGKILL):
         raise SystemExit(f"status {status}")
 
 
 def finish(process: Process) -> None:
-    """Wait for a command that has to end well."""
+    """Wait for a command, which must succeed."""
     if process.wait() != 0:
         raise SystemExit(f"status {process.returncode}: {process.args!r}")
 
 
 def until(condition: Callable[[], bool]) -> None:
-    """Wait for something that another process does."""
+    """Wait until a condition holds."""
     end = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > end:
-            raise SystemExit("waited in vain")
+            raise SystemExit(f"the condition did not hold within {PATIENCE_S:.0f} s")
         time.sleep(0.01)
 
 
 def kill_worker(process: Process, draw: random.Random) -> bool:
-    """Kill one of a study's workers, where it has some (Linux: the children that Python has spawned)."""
+    """Kill one of a study's workers, if it has any (Linux: the children that Python has spawned)."""
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text("utf-8").split()
     workers = [child for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
     if workers:
@@ -218,18 +218,18 @@ def kill_worker(process: Process, draw: random.Random) -> bool:
 
 
 def rows(run: Path) -> int:
-    """Rows in the metrics of a run."""
+    """Return the number of rows in the metrics of a run."""
     path = run / "metrics.csv"
     return path.read_bytes().count(b"\n") - 1 if path.exists() else 0
 
 
 def progress(out: Path) -> int:
-    """Episodes and tests that a study has behind it, as far as files tell."""
+    """Return the number of finished episodes and tests of a study according to its files."""
     return sum(map(rows, out.glob("runs/*"))) + len(list(out.glob("evaluations/*.json")))
 
 
 def differences_of_runs(one: Path, other: Path) -> Iterator[str]:
-    """Where two run folders differ, but for wall times."""
+    """Yield the differences between two run folders, except wall times."""
     if table(one) != table(other):
         yield f"{other}/metrics.csv"
     if (one / "policy.pt").read_bytes() != (other / "policy.pt").read_bytes():
@@ -246,13 +246,13 @@ def differences_of_runs(one: Path, other: Path) -> Iterator[str]:
 
 
 def table(run: Path) -> list[dict[str, str]]:
-    """The metrics as text, without the wall time."""
+    """Return the metrics as text, without the wall time."""
     with (run / "metrics.csv").open(newline="", encoding="utf-8") as file:
         return [{name: row[name] for name in row if name != "wall_s"} for row in csv.DictReader(file)]
 
 
 def leaves(state: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """The leaves of nested dictionaries, lists and tuples, by path."""
+    """Yield the leaves of nested dictionaries, lists and tuples with their paths."""
     pairs: Any = ()
     if isinstance(state, dict):
         pairs = state.items()

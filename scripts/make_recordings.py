@@ -1,4 +1,4 @@
-"""Make the bundled recordings anew, each with its preset's seed and length (needs the extra `sumo`)."""
+"""Make the bundled recordings again, each with its preset's seed and length (needs the extra `sumo`)."""
 
 from __future__ import annotations
 

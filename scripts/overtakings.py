@@ -1,4 +1,4 @@
-"""Count whom the ego overtakes on the right, from where the vehicles are and not from what the rules say.
+"""Count the vehicles that the ego overtakes on the right, from positions alone and not from the rules.
 
 python scripts/overtakings.py --recording highway-train --policy always-change
 python scripts/overtakings.py --rules rules/overtake_left.pl --policy runs/left
@@ -25,19 +25,22 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 Choice: TypeAlias = Callable[[World, npt.NDArray[np.float64]], npt.NDArray[np.int64]]
 
 EGOS: Final = 100
-"""Episodes side by side."""
+"""Episodes that run at once."""
 
 SOON: Final = 20.0
-"""Seconds within which a lane change is taken to be made for what comes of it."""
+"""Seconds within which an overtaking counts as the purpose of the lane change before it."""
 
 QUEUE_SPEED: Final = 60 / 3.6
 QUEUE_EXCESS: Final = 20 / 3.6
-"""Whoever is slower may be passed on the right, by no more than this. Source: BGH, 4 StR 242/67 [m/s]."""
+"""Vehicles up to QUEUE_SPEED may be passed on the right, up to QUEUE_EXCESS faster [m/s].
+
+Source: BGH, 4 StR 242/67.
+"""
 
 
 @dataclass
 class Counts:
-    """Whom the ego came past, in a lane to the right of theirs."""
+    """Numbers of vehicles that the ego passed in a lane to their right."""
 
     episodes: int = 0
     kilometres: float = 0.0
@@ -46,17 +49,17 @@ class Counts:
     changes_to_the_right: int = 0
     contacts_at_fault: int = 0
     passed_on_the_right: int = 0
-    """In whatever way it came to be in that lane."""
+    """However it came to be in that lane."""
     after_a_lane_change: int = 0
-    """Of these, ahead in the lane that it left, or further left, when it last changed lanes, to the right."""
+    """Of these, those that were ahead in the lane that it last left, to the right, or further left."""
     within_20_s: int = 0
-    """Of these, soon after that."""
+    """Of these, those passed within `SOON` after that."""
     and_not_allowed: int = 0
-    """Of these, neither slow nor passed slowly."""
+    """Of these, those that were too fast, or passed too fast, to be allowed."""
 
 
 class Overtakings:
-    """Follows N egos from scene to scene and counts."""
+    """Counter that follows N egos from scene to scene."""
 
     def __init__(self, counts: Counts) -> None:
         self.counts = counts
@@ -65,9 +68,9 @@ class Overtakings:
         self._since = np.zeros(0)
 
     def step(self, scenes: SceneBatch, actions: npt.NDArray[np.int64], changed: Mask, placed: Mask) -> None:
-        """Take in `scenes`, that `actions` led to.
+        """Count in `scenes`, to which `actions` led.
 
-        `changed`: who began a lane change; `placed`: whose place has nothing to do with the one before.
+        `changed`: egos that began a lane change; `placed`: egos that did not drive to where they are.
         """
         before = self._before
         self._before = scenes
@@ -91,14 +94,14 @@ class Overtakings:
         self._since += [scenes.roads[road].time_step for road in scenes.road.tolist()]
 
     def _begin(self, scenes: SceneBatch, changes: Mask) -> None:
-        """Note who is ahead on the left where a lane change to the right begins."""
+        """Record which vehicles are ahead on the left when a lane change to the right begins."""
         ahead = scenes.valid & (_ahead(scenes) > 0.0) & _left(scenes, own_lane=True)
         self._behind = np.where(changes[:, None], ahead, self._behind)
         self._since[changes] = 0.0
 
 
 def _signs(scenes: SceneBatch) -> npt.NDArray[np.int64]:
-    """The direction of each vehicle's lane, 1 or -1, 0 outside any. Shape: (N, K + 1)."""
+    """Return the direction of each vehicle's lane, 1 or -1; 0 outside any lane. Shape: (N, K + 1)."""
     most = max(lane.id for road in scenes.roads for lane in road.lanes)
     table = np.zeros((len(scenes.roads), most + 1), dtype=np.int64)
     for number, road in enumerate(scenes.roads):
@@ -109,12 +112,12 @@ def _signs(scenes: SceneBatch) -> npt.NDArray[np.int64]:
 
 
 def _ahead(scenes: SceneBatch) -> npt.NDArray[np.float64]:
-    """How far each vehicle's centre is ahead of the ego's [m]. Shape: (N, K + 1)."""
+    """Return how far each vehicle's centre is ahead of the ego's [m]. Shape: (N, K + 1)."""
     return np.asarray(_signs(scenes)[:, :1] * (scenes.x - scenes.x[:, :1]))
 
 
 def _left(scenes: SceneBatch, *, own_lane: bool) -> Mask:
-    """Who is in a lane to the left of the ego's, of its direction, or in the ego's if `own_lane`."""
+    """Return which vehicles are in a lane of the ego's direction to its left, or in its own if `own_lane`."""
     signs = _signs(scenes)
     own = scenes.lane == scenes.lane[:, :1]
     further = ~own & (signs[:, :1] * (scenes.y[:, :1] - scenes.y) > 0.0)
@@ -125,7 +128,7 @@ def _left(scenes: SceneBatch, *, own_lane: bool) -> Mask:
 
 
 def drive(config: EnvConfig, choose: Choice, *, episodes: int, seed: int) -> Counts:
-    """Drive episodes with a policy among the actions that the rules offer, and count."""
+    """Drive episodes with a policy that chooses among the offered actions, and count."""
     counts = Counts()
     recordings = [load_recording(name) for name in config.recordings]
     playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
@@ -166,7 +169,7 @@ def _places(mask: Mask) -> Iterator[int]:
 
 
 def trained(run: Path, config: EnvConfig) -> Choice:
-    """The policy of a run folder, greedy among what is offered."""
+    """Return the policy of a run folder, greedy among the offered actions."""
     from drlsl.learning import RunFolder, greedy_choice, load_policy, make_evaluation_env
 
     policy = load_policy(RunFolder.open(run), make_evaluation_env(config))
@@ -180,7 +183,7 @@ def trained(run: Path, config: EnvConfig) -> Choice:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the counts."""
-    parser = argparse.ArgumentParser(description="Count whom the ego overtakes on the right.")
+    parser = argparse.ArgumentParser(description="Count the vehicles that the ego overtakes on the right.")
     parser.add_argument("--recording", nargs="+", default=["highway-train"])
     parser.add_argument("--rules", nargs="+", default=[])
     parser.add_argument("--policy", default="random", help=f"{', '.join(POLICIES)}, or a run folder")

@@ -1,9 +1,9 @@
-"""Prove properties made at random, and attack each that is proved with other scenes: none may break.
+"""Prove random properties, and attack each proved one with other scenes: none may be broken.
 
 python -m scripts.random_properties --state random.jsonl --count 3000 --jobs 2
 
-What is done is appended to the state file; the same command goes on from there. The status is 1 if a proved
-property broke in exact arithmetic, or the tiers disagreed about it; its program is printed.
+Results are appended to the state file; the same command resumes from there. The exit status is 1 if a proved
+property is broken in exact arithmetic, or the tiers disagree about it; its program is printed.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ VEHICLES: Final = 2
 ATTACK_SEED: Final = 7
 _TASKS_OF_A_PROCESS: Final = 50
 BROKEN: Final = ("exact", "tiers")
-"""What an attack finds that a proof does not bear."""
+"""Results of an attack that contradict a proof."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What became of the property of one seed; `hit` is what the attack found on one that was proved."""
+    """Result for the property of one seed; `hit` is what the attack found if it was proved."""
 
     seed: int
     status: str
@@ -46,7 +46,7 @@ class Record:
 
 
 def examine(seed: int, *, scenes: int, time_limit: float) -> Record:
-    """Prove the property of a seed, and attack it if it is proved; `seconds` of processor time."""
+    """Prove the property of a seed, and attack it if it is proved; `seconds` is processor time."""
     started = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         rules, properties = Path(folder, "rules.pl"), Path(folder, "properties.pl")
@@ -65,13 +65,13 @@ def examine(seed: int, *, scenes: int, time_limit: float) -> Record:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Examine the seeds that are not done yet; 1 if a proved property is broken."""
+    """Examine the seeds that are not done yet; return 1 if a proved property is broken."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--count", type=int, default=3000)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--state", type=Path, required=True, help="a file of JSON lines")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--scenes", type=int, default=100_000, help="scenes to attack a proved one with")
+    parser.add_argument("--scenes", type=int, default=100_000, help="scenes to attack a proved property with")
     parser.add_argument("--time-limit", type=float, default=1.0, help="seconds for a proof")
     options = parser.parse_args(arguments)
     records = _done(options.state)
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _done(state: Path) -> dict[int, Record]:
-    """What a state file has; a last line that was cut off counts for nothing."""
+    """Return the records of a state file; a truncated last line is ignored."""
     records = {}
     for line in state.read_text(encoding="utf-8").splitlines() if state.exists() else ():
         try:
@@ -105,12 +105,12 @@ def _done(state: Path) -> dict[int, Record]:
 
 
 def report(records: Sequence[Record]) -> int:
-    """Print what became of all; 1 if a proved property is broken."""
+    """Print a summary; return 1 if a proved property is broken."""
     statuses = Counter(record.status for record in records)
     hits = Counter(record.hit or "none" for record in records if record.status == "proved")
     seconds = sum(record.seconds for record in records)
     print(f"{len(records)} properties: {', '.join(f'{n} {status}' for status, n in statuses.most_common())}")
-    print(f"hits on proved ones: {', '.join(f'{n} {kind}' for kind, n in hits.most_common())}")
+    print(f"hits on proved properties: {', '.join(f'{n} {kind}' for kind, n in hits.most_common())}")
     print(f"{sum(record.scenes for record in records)} scenes, {seconds:.0f} s of processor time")
     return int(any(record.hit in BROKEN for record in records))
 

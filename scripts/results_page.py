@@ -1,4 +1,4 @@
-"""Write docs/results.md from a study's report; what is written by hand there is kept.
+"""Write docs/results.md from a study's report, and keep the hand-written parts.
 
 python scripts/results_page.py runs/paper
 """
@@ -14,13 +14,13 @@ DOCS = Path(__file__).parents[1] / "docs"
 BEGIN, END = "<!-- what follows is made by scripts/results_page.py -->", "<!-- end of what is made -->"
 COMMAND = re.compile(r"^ *drlsl study .*$", re.MULTILINE)
 FOLDERS = re.compile(r"(?<=\s)/(?:[^\s/]+/)+")
-"""The folders of an absolute path: no reader has this machine's."""
+"""The folders of an absolute path, which mean nothing on other machines."""
 
 FIRST = "# Results\n\n"
 
 
 def page(report: str, before: str) -> str:
-    """The page: what stood by hand before and after the made part, and the report between."""
+    """Return the page: the hand-written parts of `before`, with the report between them."""
     above, _, rest = before.partition(BEGIN)
     below = rest.partition(END)[2]
     made = report.partition("\n")[2].replace("](figures/", "](results/").strip()

@@ -1,6 +1,6 @@
-"""Add to the documentation site what lies outside docs/, and a page of the API for each room.
+"""Add files outside docs/ to the documentation site, and an API page for each package.
 
-MkDocs loads this file as a hook (mkdocs.yml). A room's page has what `__all__` of its `__init__` lists.
+MkDocs loads this file as a hook (mkdocs.yml). A package's page has the names in `__all__` of its `__init__`.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ ROOT = Path(__file__).parents[1]
 PAGES = {"index.md": "README.md"} | {
     name: name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
 }
-"""Pages of the site by their place there, and the files of the repository that they come from."""
+"""Pages of the site, and the files of the repository that they come from."""
 
 LINK = re.compile(r"(?<=\]\()(?!https?:|#)([^)#\s]+)")
 
 
 def rooms() -> list[ModuleType]:
-    """The packages that offer names, the commands aside, which have a page of their own."""
+    """Return the packages with public names, except the commands, which have a page of their own."""
     names = ["drlsl", *(found.name for found in walk_packages(drlsl.__path__, "drlsl.") if found.ispkg)]
     found = [import_module(name) for name in names if not name.startswith("drlsl.cli")]
     return [room for room in found if getattr(room, "__all__", None)]
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the pages of the API last in the navigation."""
+    """Put the API pages last in the navigation."""
     assert config.nav is not None
     pages = [{room.__name__: f"api/{room.__name__}.md"} for room in rooms()]
     config.nav.append({"API": ["api/index.md", *pages]})
@@ -44,7 +44,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made here, and each file outside docs/ that a page links to."""
+    """Add the generated pages, and each file outside docs/ that a page links to."""
     for place, source in PAGES.items():
         files.append(File.generated(config, place, content=(ROOT / source).read_text(encoding="utf-8")))
     listed = [f"- [`{room.__name__}`]({room.__name__}.md): {_summary(room)}" for room in rooms()]
@@ -61,7 +61,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead links out of docs/ to where the site has their targets."""
+    """Redirect links out of docs/ to the places of their targets in the site."""
     return LINK.sub(lambda link: _in_site(link.group(1), page.file), markdown)
 
 
@@ -75,7 +75,7 @@ def _page(room: ModuleType) -> str:
 
 
 def _in_site(link: str, file: File) -> str:
-    """The link from a page to a file of the repository, as the site has it."""
+    """Return a link from a page to a file of the repository as it is in the site."""
     target = _target(link, file)
     if target is None:
         return link
@@ -84,7 +84,7 @@ def _in_site(link: str, file: File) -> str:
 
 
 def _target(link: str, file: File) -> str | None:
-    """The file of the repository that a page links to; None for a link within the API."""
+    """Return the file of the repository that a page links to; None for a link within the API."""
     if file.src_uri.startswith("api/"):
         return None
     home = ROOT if file.src_uri in PAGES else ROOT / "docs"

@@ -1,4 +1,4 @@
-"""Show names that are assigned together, as in `A, B = 1, 2`, to Griffe, which passes over them."""
+"""Make Griffe see names that are assigned together, as in `A, B = 1, 2`, which it ignores."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import griffe
 
 
 class UnpackedNames(griffe.Extension):
-    """Adds an attribute to a module for each name of an assignment to several."""
+    """Extension that adds an attribute to a module for each name in an assignment to several names."""
 
     def on_module_members(self, *, node: Any, mod: griffe.Module, **_others: Any) -> None:
-        """Add what is missing from a module that was read from its text."""
+        """Add the missing names to a module that was read from its source."""
         if not isinstance(node, ast.Module):
             return
         for statement in node.body:
