@@ -70,7 +70,7 @@ def agreement(results: Results) -> Table:
                 }
             )
     frame = pd.DataFrame(rows)
-    note = "Pairs of methods that the paper has apart; how many are the same way round here."
+    note = "Pairs of methods whose numbers differ in the paper, and how many have the same order here."
     return Table("agreement", "The order of the methods", frame, frame, note)
 
 
@@ -106,7 +106,7 @@ def _less(results: Results, method: str, baseline: str, row: str) -> Claim:
         mine, theirs = (_quantity(results, name, test, row, "off") for name in (method, baseline))
         if not np.isnan([mine, theirs]).any():
             verdicts.append(mine < theirs if strict else mine <= theirs)
-        parts.append(f"{scenario.label} {_number(mine)} to {_number(theirs)}")
+        parts.append(f"{scenario.label} {_number(mine)} vs {_number(theirs)}")
     what = "fewer lane changes than" if strict else "no more steps to the end than"
     statement = f"{_label(results, method)}: {what} {_label(results, baseline)} in every test, shield off"
     return Claim(statement, all(verdicts) if verdicts else None, "; ".join(parts))
@@ -118,8 +118,8 @@ def _sooner(results: Results, method: str, baseline: str) -> Claim:
     statement = f"{_label(results, method)}: converges before {_label(results, baseline)}"
     if np.isnan([mine, theirs]).any():
         return Claim(statement, None, "not trained")
-    by_seed = " to ".join(", ".join(map(in_words, episodes)) for episodes in found)
-    evidence = f"median episode {in_words(mine)} to {in_words(theirs)}; by seed {by_seed}"
+    by_seed = " vs ".join(", ".join(map(in_words, episodes)) for episodes in found)
+    evidence = f"median episode {in_words(mine)} vs {in_words(theirs)}; by seed {by_seed}"
     return Claim(statement, mine < theirs, evidence)
 
 

@@ -58,7 +58,7 @@ def _blocks(results: Results) -> Iterator[Block]:
     yield from _failures(results)
     yield from _making(results)
     yield Heading(2, WALL_TIME)
-    yield Paragraph("Minutes of one process a seed, as the runs themselves measured them.")
+    yield Paragraph("Minutes of one process per seed, as measured by the runs themselves.")
     yield tables.wall_time(results)
 
 
@@ -69,15 +69,15 @@ def _summary(results: Results) -> Iterator[Block]:
     tests = "; ".join(test.label for test in study.tests.values())
     yield Paragraph(
         f"{len(study.methods)} methods ({names}), {seeds} each, tested in "
-        f"{study.evaluation_episodes} episodes a seed of each of these, with the shield and without: "
-        f"{tests}. No policy is trained again and no rule changed between them."
+        f"{study.evaluation_episodes} episodes per seed of each of these, with and without the shield: "
+        f"{tests}. The policies and the rules are the same in all of them."
     )
     if results.missing:
         yield Paragraph(
-            f"{len(results.missing)} of {len(study.tasks)} runs have no result and are in no number below: "
-            f"{', '.join(task.name for task in results.missing)}."
+            f"{len(results.missing)} of {len(study.tasks)} runs have no result and are missing from all "
+            f"numbers below: {', '.join(task.name for task in results.missing)}."
         )
-    yield Heading(2, "What should show, and what does")
+    yield Heading(2, "Expected and found")
     words = {True: "yes", False: "NO", None: "no result"}
     found = [
         {"statement": one.statement, "holds": words[one.holds], "numbers": one.evidence}
@@ -96,10 +96,10 @@ def _summary(results: Results) -> Iterator[Block]:
 def _table_1(results: Results) -> Iterator[Block]:
     yield Heading(2, "Table 1")
     yield Paragraph(
-        "As in the paper, the safety module is off: the policy takes the action it values most of all "
-        "three. Collisions are all contacts; the paper does not judge them. Time steps are those of "
-        "episodes that reached the end of the track. In brackets the paper's numbers; its DQNSL stands "
-        "beside both rule programs."
+        "As in the paper, the safety module is off: the policy takes whichever of the three actions it "
+        "values most. Collisions are all contacts; the paper does not say who is at fault. Time steps are "
+        "those of episodes that reached the end of the track. In brackets are the paper's numbers; those "
+        "of its DQNSL are shown for both rule programs."
     )
     for test in results.study.tests:
         yield tables.table_1(results, test, "off")
@@ -107,7 +107,7 @@ def _table_1(results: Results) -> Iterator[Block]:
     yield Heading(3, "The same with the safety module on")
     yield Paragraph(
         "The policy takes the action it values most among those that its safety module offers: the linear "
-        "prediction for MPSDQN, the rules for the others, DQN included, which has never trained behind them. "
+        "prediction for MPSDQN, the rules for the others, even for DQN, which was trained without them. "
         "The paper has no such numbers; those in brackets are its numbers without the module."
     )
     for test in results.study.tests:
@@ -126,11 +126,11 @@ def _training(results: Results) -> Iterator[Block]:
         yield Picture(f"figures/{stem}.png", caption, png)
     yield Heading(3, "Convergence")
     yield Paragraph(
-        "A training has converged at the first episode from which on the moving average of its return, "
+        "A training has converged at the first episode from which the moving average of its return, "
         f"over 1/{round(1 / statistics.WINDOW_SHARE)} of the training, stays within "
-        f"{statistics.TOLERANCE:.0%} of where it ends. One that gets there only in the last such window "
+        f"{statistics.TOLERANCE:.0%} of its final value. One that gets there only in the last such window "
         "has not converged, and counts as the latest in the median over seeds. The paper's episodes were "
-        "read off its figure."
+        "read from its figure."
     )
     yield tables.convergence(results)
 
@@ -141,33 +141,32 @@ def _over_seeds(results: Results) -> Iterator[Block]:
         "Interquartile means over seeds of each run's result, in square brackets their "
         f"{statistics.LEVEL:.0%} stratified bootstrap intervals ({statistics.DRAWS:,} resamples of the "
         "seeds within each test; Agarwal et al., 2021). With few seeds an interval says little, with one "
-        "there is none. Per episode, interventions per step; return and time steps are not taken "
-        "together over tests, for they depend on the recording's frame rate."
+        "there is none. Numbers are per episode, interventions per step; return and time steps are not "
+        "combined over tests, since they depend on the recording's frame rate."
     )
     yield tables.estimates(results, "off")
     yield tables.estimates(results, "on")
 
 
 def _contacts(results: Results) -> Iterator[Block]:
-    yield Heading(2, "Contacts, and whose fault they are")
+    yield Heading(2, "Contacts, and who is at fault")
     yield Paragraph(
-        "Recorded vehicles do not see the ego and drive into it. Every contact ends the episode and "
-        "counts. The ego is at fault unless one of four rules excuses it; the time to collision that "
-        f"they ask for is v/(2 · {BRAKING:g} m/s²) + {REACTION:g} s (UN R157), v the closing speed, and a "
-        f"vehicle comes into a lane when it is {INTRUSION:g} m over the line. Every doubt is the ego's "
-        "fault."
+        "Recorded vehicles do not see the ego and may drive into it. Every contact ends the episode and is "
+        "counted. The ego is at fault unless one of four rules excuses it; in doubt it is at fault. The "
+        f"rules require a time to collision of v/(2 · {BRAKING:g} m/s²) + {REACTION:g} s (UN R157) for a "
+        f"closing speed v, and a vehicle enters a lane when it is {INTRUSION:g} m over the line."
     )
     rules = (
-        "struck from behind: the other came from behind and had that time left when the ego came into "
-        "the lane, or was wholly in one lane with the ego when it last had it",
-        "cut off: the ego was wholly in its lane before the other came into it, ahead, with less than "
-        "that time left",
-        "struck from the side: the same, the other alongside",
-        "out of nowhere: the other's track began inside the stopping distance of whichever of the two "
-        "was behind, and that one had no time to stop since",
+        "struck from behind: the other vehicle came from behind and still had that time when the ego "
+        "entered the lane, or both were wholly in one lane when it last had it",
+        "cut off: the ego was wholly in its lane before the other vehicle entered it ahead, with less "
+        "than that time left",
+        "struck from the side: the same with the other vehicle alongside",
+        "out of nowhere: the other vehicle's track began inside the stopping distance of the rear one "
+        "of the two, which has had no time to stop since",
     )
     yield Listing(rules, numbered=True)
-    yield Paragraph("All seeds together; completed: episodes that reached the end of the track.")
+    yield Paragraph("Sums over all seeds; completed: episodes that reached the end of the track.")
     yield tables.contacts(results)
 
 
@@ -175,8 +174,8 @@ def _interventions(results: Results) -> Iterator[Block]:
     yield Heading(2, "How often the shield intervened")
     yield Paragraph(
         "Share of steps in which the action of highest value was not one that the method's safety module "
-        "finds safe. It is counted with the shield off too, where such actions are carried out: what the "
-        "policy has taken in."
+        "finds safe. With the shield off, such actions are carried out; the share then shows how much of "
+        "the rules the policy has learned."
     )
     yield tables.interventions(results)
 
@@ -188,8 +187,8 @@ def _sweeps(results: Results) -> Iterator[Block]:
     yield Heading(2, "Contacts at fault against the strength of sensing faults and other settings")
     tests = ", ".join(dict.fromkeys(study.tests[sweep.test].label for sweep in study.sweeps.values()))
     yield Paragraph(
-        f"The same policies in the same episodes ({tests}), with one setting changed at a time. Of all "
-        "seeds together, episodes that ended in a contact at fault."
+        f"The same policies in the same episodes ({tests}), with one setting changed at a time. Counted are "
+        "the episodes of all seeds that ended in a contact at fault."
     )
     caption = (
         "Contacts at fault against each setting, shield on: mean over seeds; the band reaches from the "
@@ -205,7 +204,7 @@ def _failures(results: Results) -> Iterator[Block]:
     if not results.attempts:
         yield Paragraph("None.")
         return
-    yield Paragraph("A run that fails is tried once more, from where it was.")
+    yield Paragraph("A run that fails is tried once more and resumes where it stopped.")
     points = []
     for task, failures in results.attempts.items():
         end = "given up" if task in results.missing else "then done"
@@ -219,7 +218,7 @@ def _making(results: Results) -> Iterator[Block]:
     for maker in results.makers:
         packages = ", ".join(f"{name} {version}" for name, version in maker["packages"].items())
         yield Paragraph(f"On {maker['machine']}; Python {maker['python']}, {packages}.")
-    yield Paragraph("SHA-256 of what went in:")
+    yield Paragraph("SHA-256 of the inputs:")
     frame = pd.DataFrame(list(results.inputs["digests"].items()), columns=["file", "SHA-256"])
     yield Table("inputs", "Inputs", frame, frame)
     yield Paragraph("The study:")

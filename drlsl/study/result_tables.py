@@ -85,7 +85,7 @@ def table_1(results: Results, test: str, shield: ShieldState) -> Table:
         f"{scenario.label}, shield {shield}",
         frame,
         shown.rename_axis(columns=None).rename_axis("").reset_index(),
-        f"{episodes} episodes a seed, mean over seeds; {beside}.",
+        f"{episodes} episodes per seed, mean over seeds; {beside}.",
     )
 
 
@@ -130,7 +130,7 @@ def training(results: Results) -> Table:
         }
         rows.append(row)
         cells.append(row | _paper_rewards(row, method))
-    notes = "Rewards are means over all episodes of all seeds, the rest are sums; in brackets the paper's."
+    notes = "Rewards are means over all episodes of all seeds, the rest sums; in brackets the paper's."
     return Table("training", "Training", pd.DataFrame(rows), _named(results, pd.DataFrame(cells)), notes)
 
 

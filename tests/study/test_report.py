@@ -168,7 +168,7 @@ def test_a_seed_that_never_converges_counts_as_the_latest(results: Results) -> N
     found = replaced(results, training=trained)
     sooner = next(claim for claim in claims(found) if "Method 1: converges before" in claim.statement)
     assert sooner.holds
-    assert sooner.evidence.endswith("by seed 4, 4, never, 4 to never, never, never, never")
+    assert sooner.evidence.endswith("by seed 4, 4, never, 4 vs never, never, never, never")
     shown = convergence(found).shown.set_index("method")
     assert list(shown.loc["Method 1", ["converged", "median"]]) == ["3 of 4", "4"]
     assert list(shown.loc["Method 0", ["converged", "median"]]) == ["0 of 4", "never"]
@@ -243,7 +243,7 @@ def test_the_report_is_whole_and_the_same_every_time(folder: StudyFolder) -> Non
     write_report(folder)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
     text = (out / "report.md").read_text()
-    assert "1 of 48 runs have no result and are in no number below: m2-seed3.freeway" in text
+    assert "1 of 48 runs have no result and are missing from all numbers below: m2-seed3.freeway" in text
     assert "- m0-seed1: out of memory; then done" in text
     assert "rules/highway.pl" in text
     for figure in re.findall(r"\]\((figures/\w+\.png)\)", text):
