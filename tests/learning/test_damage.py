@@ -144,5 +144,5 @@ def test_values_come_back_however_they_are_laid_out() -> None:
     plain = json.loads(json.dumps(values))
     assert open_values(text) == plain
     assert open_values(json.dumps(json.loads(text), sort_keys=True)) == plain
-    with pytest.raises(ValueError, match="does not fit"):
+    with pytest.raises(ValueError, match="does not match the content"):
         open_values(text.replace("2.5", "2.25"))
