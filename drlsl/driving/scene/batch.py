@@ -95,8 +95,8 @@ class SceneBatch(Boxes):
         valid: Mask,
     ) -> SceneBatch:
         """Make a batch; x, y, vx, vy, length and width are the rows of `numbers`, shape (6, N, K + 1)."""
-        boxes = dict(zip(NUMBERS, numbers, strict=True))
-        return cls(**boxes, roads=roads, road=road, target_lane=target_lane, id=id, lane=lane, valid=valid)
+        x, y, vx, vy, length, width = numbers
+        return cls(x, y, vx, vy, length, width, roads, road, target_lane, id, lane, valid)
 
     def put(self, places: Integers, scenes: SceneBatch) -> None:
         """Write `scenes`, with the same number of slots and the same roads, into `places`."""

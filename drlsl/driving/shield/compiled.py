@@ -133,7 +133,7 @@ class ArrayTier:
         )
         for answer in (speed, state, *lane):
             undecided = undecided | answer.fails
-        return decisions, np.flatnonzero(undecided | ~usable(decisions)).tolist()
+        return decisions, (undecided | ~usable(decisions)).nonzero()[0].tolist()
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
         """Return whether the ego may enter where each scene places it."""
