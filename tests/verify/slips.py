@@ -260,8 +260,8 @@ SLIPS: dict[str, Slip] = {
     ),
     "a constant loses its fraction": Slip(
         "smt.values:Algebra.number",
-        "Fraction(repr(value)) if isinstance(value, float)",
-        "Fraction(int(value)) if isinstance(value, float)",
+        "decimal(value)",
+        "decimal(int(value))",
         f"{EGO}, V < 0.5",
         vehicles=0,
     ),
