@@ -56,7 +56,7 @@ class PredicateReport:
 
     @property
     def indicator(self) -> str:
-        """Name and arity, such as ``left_is_safe/0``."""
+        """Name and arity, such as ``front_is_free/0``."""
         return f"{self.name}/{self.arity}"
 
 
