@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -201,6 +201,7 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
                     },
                     "target_speed": decision.target_speed,
                     "observation": list(decision.observation),
+                    "observation_names": list(shield.observation.names),
                     "sections": {
                         name: {"vehicle": busy.vehicle, "gap": busy.gap} if busy else None
                         for name, busy in sections.items()
@@ -209,7 +210,8 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
             )
         )
     else:
-        print("\n".join(_report(scene, decision, unsafe, sections)))
+        observed = zip(shield.observation.names, decision.observation, strict=True)
+        print("\n".join([*_report(scene, decision, unsafe, sections), *_observation_lines(observed)]))
 
 
 def _report(
@@ -235,7 +237,13 @@ def _report(
     yield "sections"
     for name, busy in sections.items():
         yield f"  {name:<12} {f'{printable(busy.vehicle)}, {_metres(busy.gap)}' if busy else 'free'}"
-    yield "observation   " + " ".join(f"{number:.3f}" for number in decision.observation)
+
+
+def _observation_lines(observed: Iterable[tuple[str, float]]) -> Iterator[str]:
+    """Yield the lines of the observation in the text output: names and numbers, two pairs in a line."""
+    cells = [f"{printable(name):<16} {number:6.3f}" for name, number in observed]
+    yield "observation"
+    yield from (f"  {'   '.join(cells[start : start + 2])}" for start in range(0, len(cells), 2))
 
 
 def _metres(gap: float) -> str:

@@ -43,11 +43,26 @@ def check(files: RuleFiles = None) -> None:
 
     engine = _load(files)
     report = check_program(engine, SCHEMA, ASKED)
-    slips = [Finding(place, problem, error=True) for place, problem in unknown_actions(engine)]
+    wrong = [*unknown_actions(engine), *_observation_slips(engine)]
+    slips = [Finding(place, problem, error=True) for place, problem in wrong]
     report = replace(report, findings=(*report.findings, *slips))
     _print_report(report)
     if report.findings:
         raise typer.Exit(1)
+
+
+def _observation_slips(engine: Engine) -> Iterator[tuple[str, str]]:
+    """Yield the place of what is wrong with the names, bounds or length of the observation, and what."""
+    from drlsl.driving.shield import STATE, check_state, declared_observation
+    from drlsl.errors import UserError
+
+    try:
+        observation = declared_observation(engine)
+        if engine.defines(STATE.name, STATE.arity):
+            check_state(engine, observation)
+    except UserError as error:
+        place, _, problem = str(error).partition(": ")
+        yield place, problem
 
 
 def _print_report(report: Report) -> None:

@@ -81,7 +81,7 @@ class SensingConfig(Section):
 class EnvConfig(Section):
     """One driving environment.
 
-    Shapes: observation (10,), action mask (3,).
+    Shapes: observation (S,) as the rules declare it, action mask (3,).
     """
 
     recording: Name | tuple[Name, ...] = Field(

@@ -58,7 +58,8 @@ def inputs_of(study: StudyConfig) -> dict[str, Any]:
     """Return digests of all else that the results depend on: networks, rule programs, recordings.
 
     Raises:
-        UserError: a network of the user's own is not found, or a rule file or a recording cannot be read.
+        UserError: a network of the user's own is not found, a rule file or a recording cannot be read, or the
+            rules do not observe what they declare.
     """
     digests: dict[str, str] = {}
     for method in {run.method: run for run in study.runs}.values():
@@ -130,7 +131,9 @@ def _network_digests(config: NetworkConfig) -> dict[str, str]:
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:
     """Return the digests of the rule program's files, by name."""
-    engine = Shield.from_files(env.rules).engine
+    shield = Shield.from_files(env.rules)
+    shield.prepare()
+    engine = shield.engine
     clauses = (clause for key in engine.predicates() for clause in engine.clauses(*key))
     files = {Path(clause.span.name) for clause in clauses if clause.span is not None}
     return {f"rules/{path.name}": digest([path]) for path in sorted(files)}

@@ -33,7 +33,14 @@ def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 def test_the_answer_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
     data: dict[str, Any] = json.loads(answer(capsys, "--json"))
-    assert set(data) == {"safe_actions", "unsafe_actions", "target_speed", "observation", "sections"}
+    assert set(data) == {
+        "safe_actions",
+        "unsafe_actions",
+        "target_speed",
+        "observation",
+        "observation_names",
+        "sections",
+    }
     assert set(data["safe_actions"]) | set(data["unsafe_actions"]) == ACTIONS
     assert data["safe_actions"] == ["lane_keeping", "right_lane_change"]
     (objection,) = data["unsafe_actions"]["left_lane_change"]

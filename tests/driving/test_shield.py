@@ -111,8 +111,10 @@ def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str
     failing = shield(tier, **changes)
     with pytest.raises(RuleFailure):
         failing.decide(SCENE)
-    if tier != "interpreter" and (refused := refusal(failing)):
-        assert f"the {tier} tier cannot run these rules" in refused
+    if refused := refusal(failing):
+        misfits = "state/1 gives a list of 2; expected 10", "state/1 gives no number as front; expected 10"
+        not_run = () if tier == "interpreter" else (f"the {tier} tier cannot run these rules",)
+        assert any(reason in refused for reason in (*misfits, *not_run))
         return
     decisions = failing.decide_batch(SceneBatch.of([SCENE]))
     assert decisions.action_mask.tolist() == [[True, False, False]]

@@ -272,7 +272,7 @@ def found(scene: Scene, name: str) -> Vehicle:
 @cache
 def oracle(name: str) -> ScalarTier:
     """Generated code: a second opinion, and quick."""
-    return ScalarTier(shield(name).engine)
+    return ScalarTier(shield(name).engine, shield(name).observation)
 
 
 def offers(name: str, scene: Scene, action: Action) -> bool:

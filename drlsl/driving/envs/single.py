@@ -10,14 +10,16 @@ import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.scene import Action, Scene, one_action
-from drlsl.driving.shield import OBSERVATION_SIZE, Decisions, Shield
+from drlsl.driving.shield import Decisions, ObservationSpace, Shield
 from drlsl.driving.simulation import TERMS, StepResult, World, load_playbacks
 
 Observation: TypeAlias = npt.NDArray[np.float32]
 
 
 class HighwayEnv(gymnasium.Env[Observation, np.int64]):
-    """Drive a recorded highway: observation float32 (10,) in [0, 1], actions `Action`.
+    """Drive a recorded highway: observation float32 (S,), actions `Action`.
+
+    The rules say what is observed, and within which bounds (`shield.observation`).
 
     `info` of reset and step holds `action_mask` int8 (3,), `rewards` (the weighted terms), `lane_change`,
     `contact`, `at_fault`, `contact_reason`, `off_road`, `entered`, `speed` [m/s], `distance` [m],
@@ -40,7 +42,7 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
         )
         self.world = World(self.config, load_playbacks([self.config]), self.shield)
-        self.observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+        self.observation_space = observation_box(self.shield.observation)
         self.action_space = gymnasium.spaces.Discrete(len(Action))
         self._decisions: Decisions | None = None
 
@@ -98,6 +100,12 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             "fail_safe": 0 in decisions.failures,
             "fail_safe_reason": decisions.failures.get(0, ""),
         }
+
+
+def observation_box(space: ObservationSpace) -> gymnasium.Space[Observation]:
+    """Return the observation space of a rule program, float32 (S,), as Gymnasium's."""
+    low, high = (np.array(bounds, np.float32) for bounds in (space.low, space.high))
+    return gymnasium.spaces.Box(low, high, dtype=np.float32)
 
 
 def make_env(config: EnvConfig) -> HighwayEnv:

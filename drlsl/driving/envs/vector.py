@@ -13,8 +13,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.envs.single import observation_box
 from drlsl.driving.scene import Action
-from drlsl.driving.shield import OBSERVATION_SIZE, Shield
+from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import TERMS, Playback, StepResult, World, in_direction, load_playbacks
 from drlsl.errors import UserError
 from drlsl.traffic import Floats, Integers, Mask
@@ -23,7 +24,7 @@ Observations: TypeAlias = npt.NDArray[np.float32]
 
 
 class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
-    """N highways driven together: observations float32 (N, 10), actions (N,).
+    """N highways driven together: observations float32 (N, S), actions (N,).
 
     Sub-environment i equals, to the bit, a `HighwayEnv` with the same configuration and seed. `info` holds
     the same keys, as arrays with a first axis of N, each with a mask beside it (`speed`, `_speed`), as in
@@ -67,7 +68,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
             else [in_direction(playbacks, one) for one in configs]
         )
         self.world = World(self.config, driven, self.shield)
-        self.single_observation_space = gymnasium.spaces.Box(0.0, 1.0, (OBSERVATION_SIZE,), np.float32)
+        self.single_observation_space = observation_box(self.shield.observation)
         self.single_action_space = gymnasium.spaces.Discrete(len(Action))
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)

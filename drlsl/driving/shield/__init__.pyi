@@ -1,6 +1,7 @@
 from .action_names import unknown_actions
-from .compiled import ASKED, query_of
-from .decision import OBSERVATION_SIZE, Decision, Decisions, RuleFailure
+from .compiled import ASKED, check_state, query_of
+from .decision import Decision, Decisions, RuleFailure
+from .observation import PAPER_OBSERVATION, ObservationSpace, declared_observation
 from .questions import ACTIONS, ENTRY, FREE, LANE, SPEED, STATE
 from .rule_files import consult_rules, default_rules, rule_file, rules_folder
 from .shield import LIMITS, Shield
@@ -12,14 +13,17 @@ __all__ = [
     "FREE",
     "LANE",
     "LIMITS",
-    "OBSERVATION_SIZE",
+    "PAPER_OBSERVATION",
     "SPEED",
     "STATE",
     "Decision",
     "Decisions",
+    "ObservationSpace",
     "RuleFailure",
     "Shield",
+    "check_state",
     "consult_rules",
+    "declared_observation",
     "default_rules",
     "query_of",
     "rule_file",

@@ -23,13 +23,26 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield.decision import OBSERVATION_SIZE, Decision, Decisions, decision_of, usable
-from drlsl.driving.shield.questions import ACTIONS, ENTRY, FREE, LANE, QUESTIONS, SPEED, STATE, Question
+from drlsl.driving.shield.decision import Decision, Decisions, decision_of, usable
+from drlsl.driving.shield.observation import ObservationSpace
+from drlsl.driving.shield.questions import (
+    ACTIONS,
+    ENTRY,
+    FREE,
+    LANE,
+    NAMES,
+    QUESTIONS,
+    SPEED,
+    STATE,
+    Question,
+)
 from drlsl.driving.shield.tier import SceneTier, Undecidable
+from drlsl.errors import UserError
 from drlsl.logic import Engine
+from drlsl.logic.terms import NIL, Struct
 from drlsl.lowering.backends import BatchAnswer, BatchProgram, Rows, compile_scalar
 from drlsl.lowering.frontend import Lowered, Query, array_forms, lower
-from drlsl.lowering.ir import NotLowerable, Relation
+from drlsl.lowering.ir import Bag, Node, NotLowerable, Relation, Sym, emitted, resolve
 from drlsl.traffic import Mask
 
 _NUMBERS: Final = frozenset({"int", "float", "number"})
@@ -53,12 +66,13 @@ class ScalarTier(SceneTier):
 
     name = "scalar"
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, observation: ObservationSpace) -> None:
         """Lower the program.
 
         Raises:
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
         """
+        self.observation = observation
         queries = [query_of(one, ordered=True) for one in _of_a_decision(engine)]
         self._answers = compile_scalar(lower(engine, SCHEMA, queries))
         self._entry = compile_scalar(lower(engine, SCHEMA, [query_of(ENTRY)]))
@@ -75,6 +89,7 @@ class ScalarTier(SceneTier):
         """
         actions, speed, observation, free, *lane = self._answers(self._facts(scene))
         return decision_of(
+            self.observation,
             actions=actions,
             speed=speed,
             observation=observation,
@@ -101,7 +116,11 @@ class ArrayTier:
     """Array programs for many scenes at once."""
 
     def __init__(
-        self, name: str, engine: Engine, compile_program: Callable[[Lowered], BatchProgram[Any]]
+        self,
+        name: str,
+        engine: Engine,
+        observation: ObservationSpace,
+        compile_program: Callable[[Lowered], BatchProgram[Any]],
     ) -> None:
         """Lower the program, and compile it.
 
@@ -113,6 +132,7 @@ class ArrayTier:
         _check_forms(lowered)
         answers = compile_program(lowered)
         self.name = name
+        self._observation = observation
         self._actions = [action_of_atom(atom) for atom in answers.choices[query_of(ACTIONS)]]
         self._answers = _Program(answers)
         self._entry = _Program(compile_program(lower(engine, SCHEMA, [query_of(ENTRY)])))
@@ -133,7 +153,7 @@ class ArrayTier:
         )
         for answer in (speed, state, *lane):
             undecided = undecided | answer.fails
-        return decisions, (undecided | ~usable(decisions)).nonzero()[0].tolist()
+        return decisions, (undecided | ~usable(decisions, self._observation)).nonzero()[0].tolist()
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
         """Return whether the ego may enter where each scene places it."""
@@ -157,12 +177,48 @@ def _check_forms(lowered: Lowered) -> None:
         kinds = [node.kind for node in form.values]
         if form.query == query_of(SPEED) and not (form.plain and kinds[0] in _NUMBERS):
             raise NotLowerable(str(form.query), None, "its answer is no speed in m/s")
-        if form.query == query_of(STATE) and (
-            len(kinds) != OBSERVATION_SIZE or not _NUMBERS.issuperset(kinds)
-        ):
-            raise NotLowerable(str(form.query), None, f"its answer is no list of {OBSERVATION_SIZE} numbers")
+        if form.query == query_of(STATE) and not _NUMBERS.issuperset(kinds):
+            raise NotLowerable(str(form.query), None, "its answer is no list of numbers")
         if form.query == query_of(LANE) and not (form.plain and kinds[0] == "int"):
             raise NotLowerable(str(form.query), None, "its answer is no lane")
+
+
+def check_state(engine: Engine, observation: ObservationSpace) -> None:
+    """Check that `state/1` gives a number for each name, as far as that can be seen without a scene.
+
+    Raises:
+        UserError: it gives a list of another length, something that is no number, or no list.
+    """
+    try:
+        lowered = lower(engine, SCHEMA, [query_of(STATE)])
+    except NotLowerable:
+        return
+    named = engine.defines(NAMES.name, NAMES.arity)
+    why = f"one for each name of {NAMES}" if named else f"the paper's, since the program has no {NAMES}"
+    for solution in emitted(lowered.answers[0].tree):
+        problem = _misfit(solution.terms[0], observation)
+        if problem:
+            place = engine.clauses(STATE.name, STATE.arity)[0].span or "asserted"
+            raise UserError(f"{place}: {STATE} gives {problem}; expected {len(observation)} numbers, {why}")
+
+
+def _misfit(state: Sym, observation: ObservationSpace) -> str:
+    """Return what a solution of `state/1` is instead of a number for each name; nothing if it fits."""
+    state = resolve(state)
+    if isinstance(state, Bag):
+        return ""
+    items, rest = [], state
+    while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
+        items.append(resolve(rest.args[0]))
+        rest = resolve(rest.args[1])
+    if rest is not NIL:
+        return "" if items and isinstance(rest, Bag) else "no list"
+    if len(items) != len(observation):
+        return f"a list of {len(items)}"
+    for name, item in zip(observation.names, items, strict=True):
+        if not (isinstance(item, int | float) or (isinstance(item, Node) and item.kind in _NUMBERS)):
+            return f"no number as {name}"
+    return ""
 
 
 class _Program:

@@ -10,14 +10,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows
+from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import LANE, SPEED, STATE
 
 if TYPE_CHECKING:
     from drlsl.traffic import Floats, Integers, Mask
 
-
-OBSERVATION_SIZE: Final = 10
-"""Numbers in an observation. Source: paper, State Space."""
 
 FAIL_SAFE_ACTION: Final = Action.LANE_KEEPING
 """The only action of the fail-safe."""
@@ -31,8 +29,9 @@ class RuleFailure(Exception):
 class Decision:
     """The rules' decision about one scene.
 
-    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: 10 numbers
-    in [0, 1]; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers for.
+    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: numbers within
+    the bounds of `Shield.observation`; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers
+    for.
     """
 
     safe_actions: tuple[Action, ...]
@@ -53,8 +52,8 @@ class Decisions:
     """The rules' decisions about N scenes.
 
     `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
-    10) in [0, 1]; `front_is_free` (N,); `lane_to_keep` (N,) lane ids; `failures`: by scene, the reason for
-    the fail-safe.
+    S) within the bounds of `Shield.observation`; `front_is_free` (N,); `lane_to_keep` (N,) lane ids;
+    `failures`: by scene, the reason for the fail-safe.
     """
 
     action_mask: Mask
@@ -65,31 +64,28 @@ class Decisions:
     failures: dict[int, str]
 
     @classmethod
-    def blank(cls, count: int) -> Decisions:
-        """Return arrays for `count` scenes, to be filled by `put` and `fail`."""
+    def blank(cls, count: int, size: int) -> Decisions:
+        """Return arrays for `count` scenes and observations of `size` numbers, to be filled by `put`."""
         import numpy as np
 
         return cls(
             action_mask=np.zeros((count, len(Action)), dtype=np.bool_),
             target_speed=np.zeros(count),
-            observation=np.zeros((count, OBSERVATION_SIZE)),
+            observation=np.zeros((count, size)),
             front_is_free=np.zeros(count, dtype=np.bool_),
             lane_to_keep=np.zeros(count, dtype=np.int64),
             failures={},
         )
 
-    def put(self, index: int, decision: Decision) -> None:
-        """Write the decision about one scene."""
+    def put(self, index: int, decision: Decision, failure: str = "") -> None:
+        """Write the decision about one scene; of a fail-safe with the reason for it."""
         self.action_mask[index] = decision.action_mask
         self.target_speed[index] = decision.target_speed
         self.observation[index] = decision.observation
         self.front_is_free[index] = decision.front_is_free
         self.lane_to_keep[index] = decision.lane_to_keep
-
-    def fail(self, index: int, scene: Scene, reason: str) -> None:
-        """Write the fail-safe of one scene, and the reason for it."""
-        self.put(index, fail_safe(scene))
-        self.failures[index] = reason
+        if failure:
+            self.failures[index] = failure
 
     def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
         """Return a copy with `decisions` in `places`."""
@@ -101,7 +97,13 @@ class Decisions:
 
 
 def decision_of(
-    *, actions: list[object], speed: object, observation: object, front_is_free: bool, lane: object
+    space: ObservationSpace,
+    *,
+    actions: list[object],
+    speed: object,
+    observation: object,
+    front_is_free: bool,
+    lane: object,
 ) -> Decision:
     """Return the decision of a tier's answers; an answer of None stands for no solution.
 
@@ -118,28 +120,42 @@ def decision_of(
     target_speed = _number(speed)
     if not _is_speed(target_speed):
         raise RuleFailure(f"{SPEED} gave {speed!r}; expected a speed in m/s, 0 or more")
-    if not isinstance(observation, list) or len(observation) != OBSERVATION_SIZE:
-        raise RuleFailure(f"{STATE} gave {observation!r}; expected a list of {OBSERVATION_SIZE} numbers")
-    shares = tuple(map(_number, observation))
-    if not all(map(_is_share, shares)):
-        raise RuleFailure(f"{STATE} gave {observation!r}; expected numbers from 0 to 1")
+    numbers = _observed(space, observation)
     if not isinstance(lane, int):
         raise RuleFailure(f"{LANE} gave {lane!r}; expected a lane")
-    return Decision(safe, target_speed, shares, front_is_free, lane)
+    return Decision(safe, target_speed, numbers, front_is_free, lane)
 
 
-def usable(decisions: Decisions) -> Mask:
+def _observed(space: ObservationSpace, answer: object) -> tuple[float, ...]:
+    """Return the numbers of an observation.
+
+    Raises:
+        RuleFailure: they are not as many as the space has, or out of its bounds.
+    """
+    if not isinstance(answer, list) or len(answer) != len(space):
+        raise RuleFailure(f"{STATE} gave {answer!r}; expected a list of {len(space)} numbers")
+    numbers = tuple(map(_number, answer))
+    place = space.outside(numbers)
+    if place is not None:
+        name, low, high = space.names[place], space.low[place], space.high[place]
+        expected = f"expected a number from {low:g} to {high:g}"
+        raise RuleFailure(f"{STATE} gave {answer!r}, in which {name} is {answer[place]!r}; {expected}")
+    return numbers
+
+
+def usable(decisions: Decisions, space: ObservationSpace) -> Mask:
     """Return the mask of those of N decisions that a `Decision` could hold, shape (N,)."""
     offers: Any = decisions.action_mask.any(axis=1)
-    observed: Any = _is_share(decisions.observation).all(axis=1)
+    numbers = decisions.observation
+    observed: Any = ((numbers >= space.low) & (numbers <= space.high)).all(axis=1)
     result: Mask = offers & observed & _is_speed(decisions.target_speed)
     return result
 
 
-def fail_safe(scene: Scene) -> Decision:
+def fail_safe(scene: Scene, space: ObservationSpace) -> Decision:
     """Return the decision if the rules give no usable answer: keep the lane and brake hard."""
     speed = fail_safe_speed(abs(scene.ego.vx), scene.road)
-    return Decision((FAIL_SAFE_ACTION,), speed, (0.0,) * OBSERVATION_SIZE, False, scene.target_lane)
+    return Decision((FAIL_SAFE_ACTION,), speed, space.zero, False, scene.target_lane)
 
 
 def fail_safe_speed(speed: float, road: Road) -> float:
@@ -160,8 +176,3 @@ def _number(answer: object) -> float:
 def _is_speed(value: Any) -> Any:
     """Return whether a float, or each of an array, is a speed in m/s; NaN is not."""
     return (value >= 0) & (value < math.inf)
-
-
-def _is_share(value: Any) -> Any:
-    """Return whether a float, or each of an array, lies in [0, 1]."""
-    return (value >= 0) & (value <= 1)

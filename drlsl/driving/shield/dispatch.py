@@ -9,12 +9,11 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from drlsl.driving.scene import SceneBatch
-from drlsl.driving.shield.compiled import ArrayTier, ScalarTier
+from drlsl.driving.shield.compiled import ArrayTier, ScalarTier, check_state
 from drlsl.driving.shield.decision import Decisions
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.tier import Tier, Undecidable
 from drlsl.errors import UserError
-from drlsl.logic import Engine
 from drlsl.lowering.backends import BatchProgram, compile_numpy
 from drlsl.lowering.frontend import Lowered
 from drlsl.lowering.ir import NotLowerable
@@ -31,12 +30,13 @@ def choose_tier(requested: str, interpreter: Interpreter) -> Tier:
 
     Raises:
         UserError: the tier cannot run the program or its library is missing, or the program offers an unknown
-            action.
+            action or gives another number of observed numbers than it declares.
     """
+    check_state(interpreter.engine, interpreter.observation)
     if requested == "interpreter":
         return interpreter
     try:
-        return _fastest(interpreter.engine) if requested == "auto" else _named(requested, interpreter.engine)
+        return _fastest(interpreter) if requested == "auto" else _named(requested, interpreter)
     except NotLowerable as problem:
         if requested != "auto":
             raise UserError(f"the {requested} tier cannot run these rules: {problem}") from problem
@@ -64,18 +64,21 @@ class BySize:
         return self._few if len(scenes) < FEW else self._many
 
 
-def _named(name: str, engine: Engine) -> Tier:
-    return ScalarTier(engine) if name == "scalar" else ArrayTier(name, engine, _compiler(name))
+def _named(name: str, interpreter: Interpreter) -> Tier:
+    engine, observation = interpreter.engine, interpreter.observation
+    if name == "scalar":
+        return ScalarTier(engine, observation)
+    return ArrayTier(name, engine, observation, _compiler(name))
 
 
-def _fastest(engine: Engine) -> Tier:
+def _fastest(interpreter: Interpreter) -> Tier:
     """Return the Numba tier if Numba is installed, else NumPy's; both need a program that can be lowered."""
     if find_spec("numba") is not None:
         try:
-            return _named("numba", engine)
+            return _named("numba", interpreter)
         except ImportError as problem:
             _LOG.warning("the rules run on the numpy tier, since numba does not load: %s", problem)
-    return BySize(ScalarTier(engine), _named("numpy", engine))
+    return BySize(_named("scalar", interpreter), _named("numpy", interpreter))
 
 
 def _compiler(name: str) -> Callable[[Lowered], BatchProgram[Any]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from drlsl.driving.scene import SCHEMA, Road, Scene, road_facts, scene_facts
 from drlsl.driving.shield.decision import Decision, RuleFailure, decision_of
+from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import ACTIONS, ENTRY, FREE, LANE, QUESTIONS, SPEED, STATE, Question
 from drlsl.driving.shield.tier import SceneTier
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
@@ -16,9 +17,10 @@ class Interpreter(SceneTier):
 
     name = "interpreter"
 
-    def __init__(self, engine: Engine, limits: Limits) -> None:
+    def __init__(self, engine: Engine, limits: Limits, observation: ObservationSpace) -> None:
         """Prepare the queries of the program of `engine`; `limits` hold for each."""
         self.engine = engine
+        self.observation = observation
         self.limits = limits
         self.gives_lane = engine.defines(LANE.name, LANE.arity)
         self._goals = {one: engine.prepare(one.goal) for one in QUESTIONS if one.required or self.gives_lane}
@@ -38,6 +40,7 @@ class Interpreter(SceneTier):
         self.state_facts(scene)
         try:
             return decision_of(
+                self.observation,
                 actions=[one[ACTIONS.variable] for one in self._goals[ACTIONS].solutions(self.limits)],
                 speed=self._first(SPEED),
                 observation=self._first(STATE),

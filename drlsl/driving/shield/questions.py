@@ -46,5 +46,8 @@ FREE: Final = Question("front_is_free")
 LANE: Final = Question("lane_to_keep", "Lane", required=False)
 ENTRY: Final = Question("entry_is_safe")
 
+NAMES: Final = Question("state_names", "Names", required=False)
+BOUNDS: Final = Question("state_bounds", "Bounds", required=False)
+
 QUESTIONS: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE)
-"""All of them."""
+"""The questions about a scene; `NAMES` and `BOUNDS` are asked once, before there is any."""

@@ -14,6 +14,7 @@ from drlsl.driving.scene import Scene
 from drlsl.driving.shield.action_names import unknown_actions
 from drlsl.driving.shield.decision import Decision, Decisions
 from drlsl.driving.shield.interpreter import Interpreter
+from drlsl.driving.shield.observation import ObservationSpace, declared_observation
 from drlsl.driving.shield.questions import QUESTIONS
 from drlsl.driving.shield.rule_files import consult_rules, default_rules
 from drlsl.errors import UserError
@@ -39,8 +40,8 @@ class Shield:
         one query of the interpreter; beyond them the rules count as having failed.
 
         Raises:
-            UserError: a required predicate is missing, or a clause is about an action that the agent does not
-                know.
+            UserError: a required predicate is missing, a clause is about an action that the agent does not
+                know, or the names or bounds of the observation are not usable.
         """
         missing = [str(one) for one in QUESTIONS if one.required and not engine.defines(one.name, one.arity)]
         if missing:
@@ -51,7 +52,8 @@ class Shield:
             raise UserError(f"{place}: {problem}")
         self.lock = threading.RLock()
         """Held during every query; hold it, too, when asserting facts and querying the engine directly."""
-        self._interpreter = Interpreter(engine, replace(LIMITS, seconds=seconds))
+        observation = declared_observation(engine)
+        self._interpreter = Interpreter(engine, replace(LIMITS, seconds=seconds), observation)
         self._requested_tier = tier
         self._chosen_tier: Tier | None = None
 
@@ -113,6 +115,11 @@ class Shield:
         return self._interpreter.engine
 
     @property
+    def observation(self) -> ObservationSpace:
+        """The names and bounds of the numbers that `state/1` gives."""
+        return self._interpreter.observation
+
+    @property
     def limits(self) -> Limits:
         """The limits of one query of the interpreter."""
         return self._interpreter.limits
@@ -160,6 +167,15 @@ class Shield:
             for index in undecided:
                 answers[index] = self._interpreter.is_surely_safe_entry(scenes.scene(index))
             return answers
+
+    def prepare(self) -> None:
+        """Compile the rules for the tier for batches, which their first use does otherwise.
+
+        Raises:
+            UserError: the tier cannot run the program, or its `state/1` gives other numbers than it declares.
+        """
+        with self.lock:
+            self._tier()
 
     @property
     def tier(self) -> str:

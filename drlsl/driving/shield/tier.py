@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from drlsl.driving.scene import Scene
-from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure
+from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure, fail_safe
+from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.lowering.ir import Undecided
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class SceneTier(ABC):
     """A tier that answers one scene at a time."""
 
     name: str
+    observation: ObservationSpace
 
     @abstractmethod
     def decide_scene(self, scene: Scene) -> Decision:
@@ -56,7 +58,7 @@ class SceneTier(ABC):
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
-        decisions, left = Decisions.blank(len(scenes)), []
+        decisions, left = Decisions.blank(len(scenes), len(self.observation)), []
         for index in range(len(scenes)):
             try:
                 self.decide_into(decisions, index, scenes.scene(index))
@@ -69,7 +71,7 @@ class SceneTier(ABC):
         try:
             decisions.put(index, self.decide_scene(scene))
         except RuleFailure as failure:
-            decisions.fail(index, scene, str(failure))
+            decisions.put(index, fail_safe(scene, self.observation), str(failure))
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
         """Return whether the ego may enter where each scene places it."""

@@ -65,7 +65,11 @@ class World:
         """Lay out the playbacks: for each ego those that it may drive in, one drawn for every episode.
 
         The recording and the direction of `config` are ignored.
+
+        Raises:
+            UserError: the tier cannot run the rules, or they do not observe what they declare.
         """
+        shield.prepare()
         distinct = list(dict.fromkeys(one for choices in playbacks for one in choices))
         numbers = {one: number for number, one in enumerate(distinct)}
         self._choices = [[numbers[one] for one in choices] for choices in playbacks]
