@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 from typing import Any
 
+from drlsl.logic.core import is_ground
 from drlsl.logic.terms import Struct, Term, Var, deref
 
 # Deeper terms are built step by step, since Python limits the nesting of expressions.
@@ -150,7 +151,7 @@ def build(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
         return scope.names[term]
     if type(term) is not Struct:
         return function.constant(term)
-    if _is_ground(term):
+    if is_ground(term):
         return function.constant(term)
     if term.name == "." and len(term.args) == 2:
         return _build_list(function, scope, term, depth)
@@ -161,7 +162,7 @@ def build(function: Function, scope: Scope, term: Term, depth: int = 0) -> str:
 
 def _build_list(function: Function, scope: Scope, term: Term, depth: int) -> str:
     items: list[str] = []
-    while type(term) is Struct and term.name == "." and len(term.args) == 2 and not _is_ground(term):
+    while type(term) is Struct and term.name == "." and len(term.args) == 2 and not is_ground(term):
         items.append(build(function, scope, term.args[0], depth + 1))
         term = deref(term.args[1])
     expression = build(function, scope, term, depth + 1)
@@ -180,17 +181,6 @@ def _shortened(function: Function, expression: str, depth: int) -> str:
     name = function.local()
     function.emit(f"{name} = {expression}")
     return name
-
-
-def _is_ground(term: Term) -> bool:
-    todo = [term]
-    while todo:
-        term = deref(todo.pop())
-        if type(term) is Var:
-            return False
-        if type(term) is Struct:
-            todo.extend(term.args)
-    return True
 
 
 def depth_of(term: Term) -> int:
