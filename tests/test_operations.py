@@ -48,12 +48,18 @@ def expression(name: str, arity: int, kinds: str) -> str:
     return f"'{name.replace(chr(92), chr(92) * 2)}'({', '.join(names[:arity])})" if arity else name
 
 
-def rule(name: str, arity: int, kinds: str, *, positive: bool = False) -> str:
-    """Where arguments are `positive`, generated code may leave out tests that their bounds make needless."""
-    facts = "numbers(X, Y), integers(M, N)"
+def arguments(*, positive: bool) -> str:
+    """The goals that give X, Y, M and N their values.
+
+    Where these are `positive`, generated code may leave out tests that their bounds make needless.
+    """
     if positive:
-        facts = "numbers(X0, Y0), integers(M0, N0), X is abs(X0), Y is abs(Y0), M is abs(M0), N is abs(N0)"
-    return f"p(Z) :- {facts}, Z is {expression(name, arity, kinds)}.\n"
+        return "numbers(X0, Y0), integers(M0, N0), X is abs(X0), Y is abs(Y0), M is abs(M0), N is abs(N0)"
+    return "numbers(X, Y), integers(M, N)"
+
+
+def rule(name: str, arity: int, kinds: str, *, positive: bool = False) -> str:
+    return f"p(Z) :- {arguments(positive=positive)}, Z is {expression(name, arity, kinds)}.\n"
 
 
 def tiers(name: str, arity: int, kinds: str, *, positive: bool = False) -> Tiers:
@@ -104,6 +110,26 @@ def test_every_row_is_the_same_in_all_tiers(name: str, arity: int, scenes: Seque
     for one in kinds:
         for positive in (False, True):
             tiers(name, arity, one, positive=positive).check([*scenes, *EDGES])
+
+
+@pytest.mark.parametrize("positive", [False, True])
+@pytest.mark.parametrize(("name", "arity"), [key for key in COVERED if OPERATIONS[key].needs])
+def test_a_value_used_twice_may_be_computed_where_it_has_none(
+    name: str, arity: int, *, positive: bool
+) -> None:
+    """Generated code may compute it before it asks whether the branch that needs it is chosen."""
+    row = OPERATIONS[name, arity]
+    assert row.needs is not None
+    kinds = "ii" if row.kind == "whole" else "ff"
+    args = dict(zip("AB", "MN" if kinds == "ii" else "XY", strict=True))
+    condition = "".join(args.get(sign, sign) for sign in row.needs[0])
+    engine = Engine()
+    engine.consult_text(
+        f"p(Z) :- {arguments(positive=positive)}, "
+        f"( {condition} -> S is {expression(name, arity, kinds)}, Z is S * S + S ; Z = none )."
+    )
+    scenes = [scene(-1.0, 0.0, -7, 0), scene(0.0, -0.0, 0, 0), scene(4.0, 2.0, 7, -2), scene(0.5, -2.0, 0, 3)]
+    assert Tiers(engine, SCHEMA, Query("p", 1, "first")).check(scenes) == len(scenes)
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from drlsl.logic import (
     PrologTypeError,
     ResourceError,
 )
+from drlsl.logic.jit import tiering as tiers
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +158,29 @@ def test_division_laws(left: int, right: int) -> None:
     engine = Engine()
     assert engine.holds(f"X is ({left}) // ({right}) * ({right}) + ({left}) rem ({right}), X =:= {left}")
     assert engine.holds(f"X is ({left}) div ({right}) * ({right}) + ({left}) mod ({right}), X =:= {left}")
+
+
+def test_operations_in_a_compiled_body_are_those_of_the_evaluator() -> None:
+    """Compiled code does the common cases itself: each with operands of every sign, size and type."""
+    operators = ["+", "-", "*", "/", "//", "div", "mod", "rem", "<<", "/\\\\", "min", "^"]
+    operands = ["0", "1", "2", "(-1)", "(-3)", "7", "(-7)", str(2**61), str(-(2**61)), "2.5", "(-0.0)"]
+    forms = [f"'{name}'({{}}, {{}})" for name in operators]
+    clauses = [
+        (form.format("A", operand), form.format(operand, "A")) for form in forms for operand in operands
+    ]
+    program = "".join(
+        f"of{at}(A, X) :- X is {of}.\nby{at}(A, X) :- X is {by}.\n" for at, (of, by) in enumerate(clauses)
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0)
+        fast, plain = Engine(), Engine(compiled=False)
+        for engine in (fast, plain):
+            engine.consult_text(program + "told(G, X) :- catch(G, error(X, _), true).\n")
+        values = f"member(A, [{', '.join(operands)}])"
+        for at, pair in enumerate(clauses):
+            goal = f"findall(X-Y, ({values}, told(of{at}(A, X), X), told(by{at}(A, Y), Y)), L)"
+            found, expected = (repr(engine.once(goal)) for engine in (fast, plain))
+            assert found == expected, pair
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.integers(-(2**70), 2**70))

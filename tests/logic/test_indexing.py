@@ -251,6 +251,37 @@ def test_every_pair_of_tests_that_may_choose() -> None:
             assert next(fast.query(goal))["L"] == next(plain.query(goal))["L"], pair
 
 
+@pytest.mark.parametrize(
+    ("program", "goal", "expected"),
+    [
+        # One variable as two arguments: that the head does not match says nothing about the test.
+        ("p(A, A, N) :- A < 5, N = 0.\np(A, _, N) :- A >= 5, N = 1.\n", "p(7, 8, N)", [1]),
+        # Terms that differ, and numbers of different types.
+        ("p(A, N) :- A + 1 < 3, N = 0.\np(A, N) :- A + 9 >= 3, N = 1.\n", "p(1, N)", [0, 1]),
+        ("p(A, N) :- A == f(1), N = 0.\np(A, N) :- A \\== f(2), N = 1.\n", "p(f(1), N)", [0, 1]),
+        ("p(A, N) :- A == 1, N = 0.\np(A, N) :- A \\== 1.0, N = 1.\n", "p(1, N)", [0, 1]),
+        # A cut without tests before it.
+        ("p(_, N) :- !, (N = 0 ; N = 1).\np(_, 2).\n", "p(a, N)", [0, 1]),
+        ("p(A, N) :- A < 5, N = 0.\np(_, N) :- !, (N = 1 ; N = 2).\np(_, 3).\n", "p(1, N)", [0, 1, 2]),
+        ("p(A, N) :- A < 5, !, N = 0.\np(_, N) :- !, (N = 1 ; N = 2).\np(_, 3).\n", "p(5, N)", [1, 2]),
+        (
+            "p(0, N, M) :- !, M = N.\np(A, N, M) :- !, B is A - 1, p(B, [a|N], M).\np(_, _, b).\n",
+            "p(2, [], N)",
+            [["a", "a"]],
+        ),
+    ],
+)
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_test_rules_out_only_what_cannot_hold(
+    program: str, goal: str, expected: list[object], *, compiled: bool
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiers, "PATIENCE", 0)
+        engine = Engine(compiled=compiled)
+        engine.consult_text(program)
+        assert [solution["N"] for solution in engine.query(goal)] == expected
+
+
 @pytest.mark.parametrize("second", ["X > Y", "Y < X", "X > Y, Z = b", "true"])
 def test_a_test_that_rules_out_the_others_leaves_no_choice(second: str) -> None:
     with pytest.MonkeyPatch.context() as patch:

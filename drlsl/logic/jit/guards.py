@@ -42,7 +42,7 @@ def guard_of(
     """Return the first tests of a clause, and the goals after them, if the tests exclude the later clauses.
 
     `is_test` returns whether a goal surely binds nothing. A cut right after the tests is dropped: it has
-    nothing to remove.
+    nothing to remove. If it is the first goal, there are no tests, and the clause excludes all later ones.
     """
     names = [deref(arg) for arg in clauses[0].args]
     if any(type(name) is not Var for name in names) or len(set(names)) < len(names):
@@ -50,7 +50,7 @@ def guard_of(
     goals = steps(bodies[0])
     count = next((at for at, goal in enumerate(goals) if not is_test(goal)), len(goals))
     tests = goals[:count]
-    if tests and count < len(goals) and type(goals[count]) is Cut:
+    if count < len(goals) and type(goals[count]) is Cut:
         return Guard(tests, goals[count + 1 :])
     for other, body in zip(clauses[1:], bodies[1:], strict=True):
         against = steps(body)[0]
