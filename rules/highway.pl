@@ -221,7 +221,11 @@ required_gap(VRear, VFront, Gap) :-
 % needed_gap(Car, Gap): the gap that Car and the ego need between them, whichever of the two is in front. A vehicle behind the ego
 % that drives away from it counts as standing there.
 needed_gap(Car, Gap) :- offset(Car, S), S >= 0.0, speed(ego, V1), velocity(Car, V2), required_gap(V1, V2, Gap).
-needed_gap(Car, Gap) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), required_gap(V2, V1, Gap).
+needed_gap(Car, Gap) :- offset(Car, S), S < 0.0, speed(ego, V1), speed(Car, V2), required_gap_behind(V2, V1, Gap).
+
+% required_gap_behind(VRear, VEgo, Gap): the gap that a vehicle behind needs to the ego, which comes into its lane. A file on top of
+% this one may replace it.
+required_gap_behind(VRear, VEgo, Gap) :- required_gap(VRear, VEgo, Gap).
 
 % obstacle(Side, Car, Gap, Needed): Car is in the way of Side with a gap smaller than needed.
 obstacle(Side, Car, Gap, Needed) :-

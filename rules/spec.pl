@@ -82,3 +82,13 @@ spec_too_near(Car, Offset, Gap) :- spec_comes_too_near(Car, Offset, Gap).
 % spec_comes_too_near(Car, Offset, Gap): Car is ahead and oncoming, within the distance for opposite directions.
 spec_comes_too_near(Car, Offset, Gap) :-
     Offset > 0.0, spec_speed(ego, V1), spec_coming(Car, V2), spec_opposite(V1, V2, Distance), Gap < Distance.
+
+% spec_evading_way(Response, B, V1, V2, T, S): how far a vehicle goes in the time T that keeps its speed V1 for the time Response and
+% then brakes by B down to V2; if V1 is not above V2, it keeps its speed.
+spec_evading_way(_, _, V1, V2, T, S) :- V1 =< V2, S is V1 * T.
+spec_evading_way(Response, _, V1, V2, T, S) :- V1 > V2, T =< Response, S is V1 * T.
+spec_evading_way(Response, B, V1, V2, T, S) :-
+    V1 > V2, T > Response, T1 is T - Response, B * T1 =< V1 - V2, S is V1 * Response + V1 * T1 - B * T1 * T1 / 2.
+spec_evading_way(Response, B, V1, V2, T, S) :-
+    V1 > V2, T1 is T - Response, B * T1 > V1 - V2,
+    S is V1 * Response + (V1 * V1 - V2 * V2) / (2 * B) + V2 * (T1 - (V1 - V2) / B).

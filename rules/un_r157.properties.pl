@@ -53,22 +53,12 @@ violates(r157_gives_way) :-
 property(r157_is_enough, 'from a gap above the critical distance there is no contact while the vehicle in front keeps its speed').
 violates(r157_is_enough) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap > Critical,
-    moment(T), spec_evading_way(V1, V2, T, Rear), Gap + V2 * T - Rear =< 0.0.
+    moment(T), spec_evading_way(0.35, 6.0, V1, V2, T, Rear), Gap + V2 * T - Rear =< 0.0.
 
 property(r157_is_least, 'from any smaller gap there is a contact if it keeps its speed').
 violates(r157_is_least) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), critical_distance(V1, V2, Critical), Gap < Critical,
-    T is 0.35 + (V1 - V2) / 6.0, spec_evading_way(V1, V2, T, Rear), Gap + V2 * T - Rear >= 0.0.
+    T is 0.35 + (V1 - V2) / 6.0, spec_evading_way(0.35, 6.0, V1, V2, T, Rear), Gap + V2 * T - Rear >= 0.0.
 
 % spec_collides_too_soon(Gap, V1, V2): a vehicle at V1 closes in on one at V2, and the time to collision is not above the criterion.
 spec_collides_too_soon(Gap, V1, V2) :- V1 > V2, V is max(0.0, V1 - V2), Gap =< V * (V / (2 * 6.0) + 0.35).
-
-% spec_evading_way(V1, V2, T, S): how far a vehicle goes in the time T that keeps its speed V1 for 0.35 s and then brakes by 6 m/s2
-% down to V2; if V1 is not above V2, it keeps its speed.
-spec_evading_way(V1, V2, T, S) :- V1 =< V2, S is V1 * T.
-spec_evading_way(V1, V2, T, S) :- V1 > V2, T =< 0.35, S is V1 * T.
-spec_evading_way(V1, V2, T, S) :-
-    V1 > V2, T > 0.35, T1 is T - 0.35, 6.0 * T1 =< V1 - V2, S is V1 * 0.35 + V1 * T1 - 6.0 * T1 * T1 / 2.
-spec_evading_way(V1, V2, T, S) :-
-    V1 > V2, T1 is T - 0.35, 6.0 * T1 > V1 - V2,
-    S is V1 * 0.35 + (V1 * V1 - V2 * V2) / (2 * 6.0) + V2 * (T1 - (V1 - V2) / 6.0).

@@ -15,7 +15,7 @@ from drlsl.driving.shield import Shield, default_rules
 from tests.installed import needs_torch
 
 RULES = default_rules()[0].parent
-PROGRAMS = ["highway.pl", "un_r157.pl", "overtake_left.pl"]
+PROGRAMS = ["highway.pl", "un_r157.pl", "follower_brakes.pl", "overtake_left.pl"]
 NEEDED = 247.634583
 """Of 30 m/s and 40 m/s [m]: 91.026 m and 154.609 m until each stands, and 2 m."""
 

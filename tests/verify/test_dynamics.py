@@ -17,6 +17,7 @@ from drlsl.verify.ranges import all_cases
 RULES = default_rules()[0].parent
 DYNAMICS = RULES / "dynamics.pl"
 R157, R157_PROPERTIES = RULES / "un_r157.pl", RULES / "un_r157.properties.pl"
+FOLLOWER, FOLLOWER_PROPERTIES = RULES / "follower_brakes.pl", RULES / "follower_brakes.properties.pl"
 CASES = (Case(0, 2, 1, 1),)
 
 SLIPS = {
@@ -173,26 +174,55 @@ def test_two_files_may_speak_of_the_same_unknown() -> None:
     assert {"moment", "step_share"} <= book.unknowns.keys()
 
 
-def test_the_distance_of_un_r157_has_its_own_properties() -> None:
-    book = load([R157], [R157_PROPERTIES])
-    own = tuple(one.name for one in book.properties if one.name.startswith("r157"))
-    assert len(own) == 6
-    found = results(rules=(R157,), properties=(R157_PROPERTIES,), only=own, vehicles=5, cases=CASES)
+@pytest.mark.parametrize(
+    ("rules", "properties", "start", "count"),
+    [(R157, R157_PROPERTIES, "r157", 6), (FOLLOWER, FOLLOWER_PROPERTIES, "follower", 4)],
+    ids=["un_r157.pl", "follower_brakes.pl"],
+)
+def test_other_distances_have_properties_of_their_own(
+    rules: Path, properties: Path, start: str, count: int
+) -> None:
+    book = load([rules], [properties])
+    own = tuple(one.name for one in book.properties if one.name.startswith(start))
+    assert len(own) == count
+    found = results(rules=(rules,), properties=(properties,), only=own, vehicles=5, cases=CASES)
     assert statuses(found) == dict.fromkeys(own, "proved")
 
 
 @pytest.mark.parametrize(
-    ("name", "properties"),
+    ("rules", "name", "properties"),
     [
-        ("critical_distance_front", R157_PROPERTIES),
-        ("safe_entry", R157_PROPERTIES),
-        ("keeps_apart_behind", DYNAMICS),
-        ("distance_is_enough", DYNAMICS),
+        (R157, "critical_distance_front", R157_PROPERTIES),
+        (R157, "safe_entry", R157_PROPERTIES),
+        (R157, "keeps_apart_behind", DYNAMICS),
+        (R157, "distance_is_enough", DYNAMICS),
+        (FOLLOWER, "critical_distance_back", FOLLOWER_PROPERTIES),
+        (FOLLOWER, "safe_entry", FOLLOWER_PROPERTIES),
+        (FOLLOWER, "keeps_apart_behind", DYNAMICS),
     ],
 )
-def test_the_distance_of_un_r157_is_not_that_of_rss(name: str, properties: Path) -> None:
-    found = results(rules=(R157,), properties=(properties,), only=(name,), cases=CASES)
+def test_other_distances_are_not_those_of_rss(rules: Path, name: str, properties: Path) -> None:
+    found = results(rules=(rules,), properties=(properties,), only=(name,), cases=CASES)
     assert found[name].status == "refuted"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "name"),
+    [
+        ("follower_response(0.4)", "follower_response(0.3)", "follower_keeps_distance"),
+        ("follower_response(0.4)", "follower_response(0.5)", "follower_room_is_least"),
+        ("follower_braking(3.0)", "follower_braking(3.5)", "follower_has_room"),
+        ("Kept = VRear", "Kept = VEgo", "follower_room_is_least"),
+        ("max(D, Kept * Headway)", "Kept * Headway", "follower_entry"),
+    ],
+)
+def test_errors_in_the_room_behind_are_found(tmp_path: Path, old: str, new: str, name: str) -> None:
+    text = FOLLOWER.read_text(encoding="utf-8").replace("'highway.pl'", f"'{RULES / 'highway.pl'}'")
+    assert text.count(old) == 1
+    path = tmp_path / "slip.pl"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    (result,) = results(rules=(path,), properties=(FOLLOWER_PROPERTIES,), only=(name,), cases=CASES).values()
+    assert result.status == "refuted", result.reason
 
 
 @pytest.mark.slow
