@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 RADAR_RANGE: Final = 100.0
 """How far the ego sees [m]; one value for the facts, the rules and the observation."""
@@ -31,14 +31,37 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+Term: TypeAlias = Literal[
+    "paper", "lane_change", "velocity", "collision", "off_road", "lost_speed", "comfort", "jerk"
+]
+
+PAPER_TERMS: Final = ("lane_change", "velocity", "collision", "off_road")
+"""Names of the terms that `paper` stands for, in its order. Source: paper, Reward Function."""
+
+
 class RewardConfig(Section):
-    """Weights and shape of the reward.
+    """Terms, weights and shape of the reward; docs/reward.md says what each term can teach.
 
     Source: paper, Reward Function.
     """
 
+    terms: tuple[Term, ...] = Field(
+        ("paper",),
+        min_length=1,
+        description="Names of the terms that are added up; paper stands for lane_change, velocity, collision "
+        "and off_road.",
+    )
     lane_change: float = Field(5.0, ge=0, description="Weight of a started lane change (its term is -1).")
     velocity: float = Field(0.01, ge=0, description="Weight of the ego's speed in m/s, at every step.")
+    lost_speed: float = Field(
+        0.25,
+        ge=0,
+        description="Weight of lost speed, in m/s below the highest limit of the direction, for each second.",
+    )
+    comfort: float = Field(
+        0.05, ge=0, description="Weight of the square of the acceleration in m/s², for each second."
+    )
+    jerk: float = Field(0.01, ge=0, description="Weight of the square of the jerk in m/s³, for each second.")
     collision: float = Field(
         100.0, ge=0, description="Weight of a contact (its term is -(1 - discount x/X))."
     )
@@ -51,6 +74,24 @@ class RewardConfig(Section):
         le=1,
         description="Share by which a contact or leaving the road costs less at the end of the track.",
     )
+
+    @field_validator("terms")
+    @classmethod
+    def _terms_differ(cls, terms: tuple[Term, ...]) -> tuple[Term, ...]:
+        names = _expanded(terms)
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"{twice[0]} is named twice: paper stands for {', '.join(PAPER_TERMS)}")
+        return terms
+
+    @property
+    def single_terms(self) -> list[str]:
+        """Names of the terms, those that `paper` stands for in its place."""
+        return _expanded(self.terms)
+
+
+def _expanded(terms: tuple[Term, ...]) -> list[str]:
+    return [name for term in terms for name in (PAPER_TERMS if term == "paper" else (term,))]
 
 
 class SensingConfig(Section):
@@ -117,6 +158,13 @@ class EnvConfig(Section):
     traffic: Literal["recorded", "reactive"] = Field(
         "recorded",
         description="Whether recorded vehicles drive through the ego, or brake for it and follow (IDM).",
+    )
+    decision_period: float | None = Field(
+        None,
+        gt=0,
+        le=60,
+        description="Seconds for which an action is held, a multiple of the recording's frame; none: one "
+        "frame. The rules still judge, and the ego still brakes, in every frame.",
     )
     sensing: SensingConfig = Field(SensingConfig(), description="Faults of what the ego sees.")
     track_length: float = Field(TRACK_LENGTH, gt=0, description="Metres to drive in an episode.")

@@ -11,12 +11,13 @@ from .config import (
     with_value,
 )
 from .dqn import greedy_choice
-from .evaluation import EVALUATION_KEY, ShieldState, Totals, as_record, drive, make_evaluation_env
+from .evaluation import EVALUATION_KEY, ShieldState, as_record, drive, make_evaluation_env
 from .figures import FIGURES, moving_average
 from .fleet import VectorHighway, space_sizes
 from .network_factory import factory_file
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
+from .totals import Totals, time_saved
 from .trainer import StepEvent, Trainer, make_learner
 
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "preset_names",
     "preset_values",
     "space_sizes",
+    "time_saved",
     "train",
     "with_value",
 ]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drlsl.driving.simulation import TERMS
+from drlsl.driving.simulation import TERMS, EpisodeMeasures, measures_of
 from drlsl.learning.config import Method
 from drlsl.traffic import Mask
 
@@ -69,19 +69,31 @@ class EpisodeSummary:
     """Steps in which the action of highest value was not one the rules derive to be safe."""
     fail_safe: int
     """Steps in which the shield fell back to its fail-safe."""
+    reward_lost_speed: float = 0.0
+    reward_comfort: float = 0.0
+    reward_jerk: float = 0.0
+    measures: EpisodeMeasures | None = None
+    """None if the environment takes none."""
+
+    @property
+    def completed(self) -> bool:
+        """True if the episode reached the end of the track."""
+        return not (self.contact or self.off_road)
 
 
+_PAPER_TERMS, _OTHER_TERMS = TERMS[:4], TERMS[4:]
 _COUNTED = (
     "steps",
     "total_return",
-    *TERMS,
+    *_PAPER_TERMS,
     "lane_changes",
     "speed",
     "offered",
     "interventions",
     "fail_safe",
+    *_OTHER_TERMS,
 )
-"""Quantities that a tally adds up in every episode."""
+"""Quantities that a tally adds up in every episode; a state of before there were other terms lacks these."""
 
 
 class EpisodeTally:
@@ -99,8 +111,9 @@ class EpisodeTally:
         rows = self._rows
         rows["steps"] += 1
         rows["total_return"] += rewards
-        for term in TERMS:
-            rows[term] += info["rewards"][term]
+        for term, reward in info["rewards"].items():
+            if term in rows:
+                rows[term] += reward
         rows["lane_changes"] += info["lane_change"]
         rows["speed"] += info["speed"]
         rows["offered"] += offered.sum(axis=1)
@@ -125,7 +138,13 @@ class EpisodeTally:
             mask_size=sums["offered"] / sums["steps"],
             interventions=int(sums["interventions"]),
             fail_safe=int(sums["fail_safe"]),
+            measures=measures_of(info["measures"], index) if "measures" in info else None,
         )
+
+    def restore(self, sums: NDArray[np.float64]) -> None:
+        """Take over the sums of a state."""
+        self.sums[:] = 0.0
+        self.sums[: len(sums)] = sums
 
     def clear(self, index: int) -> None:
         """Begin an episode anew."""

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ from drlsl.learning.dqn import greedy_choice
 from drlsl.learning.episode import EVALUATION_STREAM, EpisodeSummary, all_actions, rule_safe_actions
 from drlsl.learning.fleet import Fleet, VectorHighway
 from drlsl.learning.network import Policy
+from drlsl.learning.totals import totals
 
 ShieldState = Literal["on", "off"]
 
@@ -28,7 +28,7 @@ def make_evaluation_env(config: EnvConfig) -> VectorHighway:
     Raises:
         UserError: the recording or the rules cannot be used.
     """
-    return driving.make_vec(config, SIDE_BY_SIDE, AutoresetMode.DISABLED)
+    return driving.make_vec(config, SIDE_BY_SIDE, AutoresetMode.DISABLED, measured=True)
 
 
 def drive(
@@ -59,58 +59,6 @@ def drive(
             following += 1
 
 
-@dataclass(frozen=True, slots=True)
-class Totals:
-    """Totals over the episodes of one evaluation.
-
-    Source: Table 1 (lane changes, collisions, off-road, time steps).
-    """
-
-    episodes: int
-    lane_changes: int
-    contacts_at_fault: int
-    contacts_not_at_fault: int
-    off_road: int
-    completed: int
-    """Episodes that reached the end of the track."""
-    mean_steps: float
-    mean_steps_completed: float | None
-    """Mean over the completed episodes only, because a contact shortens an episode, too; None without any."""
-    mean_speed: float
-    """Mean over all steps, m/s."""
-    mean_return: float
-    interventions: float
-    """Share of steps in which the action of highest value was not one the rules derive to be safe."""
-    fail_safe: int
-    """Steps in which the shield fell back to its fail-safe."""
-
-
-def totals(summaries: Sequence[EpisodeSummary]) -> Totals:
-    """Add up episodes.
-
-    Raises:
-        ValueError: there are none.
-    """
-    if not summaries:
-        raise ValueError("no episodes to add up")
-    steps = sum(item.steps for item in summaries)
-    completed = [item.steps for item in summaries if not (item.contact or item.off_road)]
-    return Totals(
-        episodes=len(summaries),
-        lane_changes=sum(item.lane_changes for item in summaries),
-        contacts_at_fault=sum(item.contact and item.at_fault for item in summaries),
-        contacts_not_at_fault=sum(item.contact and not item.at_fault for item in summaries),
-        off_road=sum(item.off_road for item in summaries),
-        completed=len(completed),
-        mean_steps=steps / len(summaries),
-        mean_steps_completed=float(np.mean(completed)) if completed else None,
-        mean_speed=sum(item.mean_speed * item.steps for item in summaries) / steps,
-        mean_return=float(np.mean([item.total_return for item in summaries])),
-        interventions=sum(item.interventions for item in summaries) / steps,
-        fail_safe=sum(item.fail_safe for item in summaries),
-    )
-
-
 EVALUATION_KEY = ("env", "shield", "seed", "episodes")
 """Keys that identify an evaluation of a policy."""
 
@@ -121,11 +69,18 @@ def as_record(
     """Return an evaluation as plain values for evaluation.json; `env` is the environment's configuration."""
     together = dataclasses.asdict(totals(summaries))
     count = together.pop("episodes")
+    episodes = [dataclasses.asdict(item) for item in summaries]
+    for episode in episodes:
+        episode["measures"] = None if episode["measures"] is None else _without_headways(episode["measures"])
     return {
         "env": dict(env),
         "shield": shield,
         "seed": seed,
         "episodes": count,
         "totals": together,
-        "per_episode": [dataclasses.asdict(item) for item in summaries],
+        "per_episode": episodes,
     }
+
+
+def _without_headways(measures: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in measures.items() if name != "headways"}

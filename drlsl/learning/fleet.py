@@ -205,7 +205,7 @@ class Fleet:
         self._begun, self.finished = held["begun"], held["finished"]
         self.observations, self.safe = held["observations"], held["safe"]
         self._counted, self._over, self._numbers = held["counted"], held["over"], held["numbers"]
-        self._tally.sums[:] = held["tally"]
+        self._tally.restore(held["tally"])
         self._learnt = _Learnt(*held["learnt"])
         self._learnt_before = [_Learnt(*one) for one in held["learnt_before"]]
         self._started = perf_counter() - held["elapsed_s"]

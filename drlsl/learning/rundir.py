@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -40,13 +40,17 @@ _COLUMN_OF = {"total_return": "return"}
 METRIC_COLUMNS = [
     "episode",
     "total_steps",
-    *(_COLUMN_OF.get(field.name, field.name) for field in dataclasses.fields(EpisodeSummary)),
+    *(
+        _COLUMN_OF.get(field.name, field.name)
+        for field in dataclasses.fields(EpisodeSummary)
+        if field.default is dataclasses.MISSING
+    ),
     "epsilon",
     "learning_rate",
     "loss",
     "wall_s",
 ]
-HEADER = ",".join(METRIC_COLUMNS) + "\n"
+"""The columns of metrics.csv with the paper's reward."""
 
 TRAINING = "training"
 """Purpose of the lock on a run folder, for its error."""
@@ -55,12 +59,20 @@ START_AGAIN = "put back a copy of it, or start again with --force"
 """Advice if the rows that a run resumes from are missing."""
 
 
+def metric_columns(config: TrainConfig) -> list[str]:
+    """Return the columns of metrics.csv: one more for each term of the reward beyond the paper's."""
+    terms = [f"reward_{term}" for term in config.env.reward.single_terms]
+    return [*METRIC_COLUMNS, *(name for name in terms if name not in METRIC_COLUMNS)]
+
+
 class RunFolder:
     """One run on disk: config.yaml, metrics.csv, checkpoint.pt, policy.pt, evaluation.json and figures/."""
 
     def __init__(self, root: Path, config: TrainConfig) -> None:
         self.root = root
         self.config = config
+        self.columns = metric_columns(config)
+        """The columns of metrics.csv."""
 
     @classmethod
     def create(cls, root: Path, config: TrainConfig, *, force: bool = False) -> Self:
@@ -85,7 +97,7 @@ class RunFolder:
             try:
                 made.chmod(0o755)
                 write_atomic(made / CONFIG, seal_text(dump_yaml(config)).encode())
-                write_atomic(made / METRICS, HEADER.encode())
+                write_atomic(made / METRICS, _header(metric_columns(config)).encode())
                 _put_in_place(made, root)
             except BaseException:
                 shutil.rmtree(made, ignore_errors=True)
@@ -136,11 +148,11 @@ class RunFolder:
             UserError: the file cannot be written.
         """
         row = {_COLUMN_OF.get(name, name): value for name, value in dataclasses.asdict(event.summary).items()}
-        row |= {name: getattr(event, name) for name in METRIC_COLUMNS if name not in row}
+        row |= {name: getattr(event, name) for name in self.columns if name not in row}
         path = self.root / METRICS
         try:
             with path.open("a", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerow(_cell(row[name]) for name in METRIC_COLUMNS)
+                csv.writer(file, lineterminator="\n").writerow(_cell(row[name]) for name in self.columns)
         except OSError as error:
             raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
 
@@ -166,17 +178,17 @@ class RunFolder:
             raise UserError(f"{path}: cannot read the metrics: {error.strerror or error}") from error
         except UnicodeDecodeError as error:
             raise UserError(f"{path}: damaged: {error}; {START_AGAIN}") from error
-        if not lines or lines[0] != HEADER:
+        if not lines or lines[0] != _header(self.columns):
             raise UserError(f"{path}: damaged: its first line names other columns; {START_AGAIN}")
         rows: dict[int, str] = {}
         for line in lines[1:]:
-            episode = _episode_of(line)
+            episode = _episode_of(line, len(self.columns))
             if episode is not None and episode in episodes and episode not in rows:
                 rows[episode] = line
         missing = sorted(set(episodes) - set(rows))
         if missing:
             raise UserError(f"{path}: no row of the finished episode {missing[0]}; {START_AGAIN}")
-        kept = "".join([HEADER, *rows.values()]).encode()
+        kept = "".join([_header(self.columns), *rows.values()]).encode()
         if sha256 not in (None, hashlib.sha256(kept).hexdigest()):
             raise UserError(f"{path}: damaged: not the rows of the checkpoint; {START_AGAIN}")
         write_atomic(path, kept)
@@ -195,7 +207,7 @@ class RunFolder:
             raise UserError(f"{path}: cannot read the metrics: {str(error).strip()}") from error
         if sha256 not in (None, hashlib.sha256(content).hexdigest()):
             raise UserError(f"{path}: damaged: not the rows that the training wrote; put back a copy of it")
-        missing = [name for name in METRIC_COLUMNS if name not in frame.columns]
+        missing = [name for name in self.columns if name not in frame.columns]
         if missing:
             raise UserError(f"{path}: expected the column{'s'[: len(missing) > 1]} {', '.join(missing)}")
         return frame
@@ -243,6 +255,10 @@ def next_free_folder(parent: Path, stem: str) -> Path:
     return path
 
 
+def _header(columns: Sequence[str]) -> str:
+    return ",".join(columns) + "\n"
+
+
 def _refuse_occupied(root: Path, force: bool) -> None:
     if not root.exists():
         return
@@ -277,10 +293,10 @@ def _put_in_place(made: Path, root: Path) -> None:
     shutil.rmtree(aside)
 
 
-def _episode_of(line: str) -> int | None:
+def _episode_of(line: str, columns: int) -> int | None:
     """Return the episode's number in a row of the metrics; None if the row is incomplete."""
     cells = line.split(",")
-    whole = line.endswith("\n") and len(cells) == len(METRIC_COLUMNS)
+    whole = line.endswith("\n") and len(cells) == columns
     return int(cells[0]) if whole and cells[0].isdecimal() else None
 
 

@@ -155,7 +155,8 @@ def make_training_env(config: TrainConfig) -> VectorHighway:
     Raises:
         UserError: the recording or the rules cannot be used.
     """
-    return driving.make_vec(config.env, config.num_envs, AutoresetMode.DISABLED)
+    discount = config.learning.discount
+    return driving.make_vec(config.env, config.num_envs, AutoresetMode.DISABLED, discount=discount)
 
 
 def _checkpoint_is_due(config: TrainConfig, finished: int) -> bool:

@@ -7,26 +7,37 @@ import pytest
 
 from drlsl.driving.config import RewardConfig
 from drlsl.driving.simulation import TERMS
-from drlsl.driving.simulation.reward import reward_terms
+from drlsl.driving.simulation.reward import Driven, reward_terms
 
 
 def terms(
     *,
+    config: RewardConfig | None = None,
+    playing: bool = True,
     changed: bool = False,
     speed: float = 0.0,
     contact: bool = False,
     off_road: bool = False,
     progress: float = 0.0,
+    limit: float = 30.0,
+    acceleration: float = 0.0,
+    jerk: float = 0.0,
+    dt: float = 0.04,
 ) -> dict[str, float]:
-    found = reward_terms(
-        RewardConfig(),
+    config = config or RewardConfig()
+    driven = Driven(
+        playing=np.array([playing]),
         changed=np.array([changed]),
         speed=np.array([speed]),
         contact=np.array([contact]),
         off_road=np.array([off_road]),
         progress=np.array([progress]),
+        limit=np.array([limit]),
+        dt=np.array([dt]),
+        motion=lambda: (np.array([acceleration]), np.array([jerk])),
     )
-    assert tuple(found) == TERMS
+    found = reward_terms(config, driven)
+    assert list(found) == config.single_terms
     return {name: float(values[0]) for name, values in found.items()}
 
 
@@ -45,3 +56,31 @@ def test_ending_late_costs_less(term: str, progress: float, expected: float) -> 
 
 def test_an_uneventful_step_costs_nothing() -> None:
     assert set(terms().values()) == {0.0}
+
+
+ALL = RewardConfig.model_validate({"terms": ["paper", "lost_speed", "comfort", "jerk"]})
+
+
+def test_paper_stands_for_its_four_terms_and_the_others_are_chosen_by_name() -> None:
+    assert RewardConfig().single_terms == ["lane_change", "velocity", "collision", "off_road"]
+    assert tuple(ALL.single_terms) == TERMS
+    assert list(terms(config=RewardConfig(terms=("jerk", "lane_change")))) == ["jerk", "lane_change"]
+
+
+@pytest.mark.parametrize(("dt", "frames"), [(0.04, 25), (0.1, 10)])
+def test_a_second_costs_the_same_at_any_frame_rate(dt: float, frames: int) -> None:
+    found = terms(config=ALL, speed=20.0, limit=30.0, acceleration=-2.0, jerk=3.0, dt=dt)
+    assert found["lost_speed"] * frames == pytest.approx(-0.25 * 10.0)
+    assert found["comfort"] * frames == pytest.approx(-0.05 * 4.0)
+    assert found["jerk"] * frames == pytest.approx(-0.01 * 9.0)
+
+
+def test_an_episode_that_is_over_earns_nothing() -> None:
+    found = terms(config=ALL, playing=False, speed=20.0, acceleration=-2.0, jerk=3.0)
+    assert set(found.values()) == {0.0}
+
+
+@pytest.mark.parametrize("given", [["paper", "velocity"], ["jerk", "jerk"], [], ["speed"]])
+def test_a_term_that_is_unknown_or_named_twice_is_refused(given: list[str]) -> None:
+    with pytest.raises(ValueError, match=r"named twice|at least 1 item|Input should be"):
+        RewardConfig.model_validate({"terms": given})

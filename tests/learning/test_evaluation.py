@@ -4,11 +4,24 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drlsl.driving.simulation import EpisodeMeasures
 from drlsl.learning import ShieldState, as_record, drive
 from drlsl.learning.episode import EVALUATION_STREAM, TRAINING_STREAM, EpisodeSummary, episode_seed
-from drlsl.learning.evaluation import totals
+from drlsl.learning.totals import time_saved, totals
 
 from .fake import fakes
+
+MEASURED = (
+    "windows_per_km",
+    "mean_time_completed",
+    "jerk_rms",
+    "hard_braking",
+    "short_ttc",
+    "headway_5",
+    "headway_50",
+    "imposed_braking",
+    "imposed_hard_braking",
+)
 
 
 class Fixed:
@@ -90,13 +103,22 @@ def summary(**values: Any) -> EpisodeSummary:
             str(getattr(field.type, "__name__", field.type))
         ]
         for field in dataclasses.fields(EpisodeSummary)
+        if field.default is dataclasses.MISSING
     }
     return EpisodeSummary(**base | values)
 
 
 def test_totals() -> None:
     episodes = [
-        summary(steps=10, mean_speed=30.0, total_return=1.0, lane_changes=2, interventions=4, fail_safe=1),
+        summary(
+            steps=10,
+            mean_speed=30.0,
+            total_return=1.0,
+            lane_changes=2,
+            interventions=4,
+            fail_safe=1,
+            distance=2000.0,
+        ),
         summary(steps=30, mean_speed=20.0, total_return=2.0, contact=True, at_fault=True, lane_changes=1),
         summary(steps=20, mean_speed=20.0, total_return=6.0, contact=True),
         summary(steps=20, mean_speed=20.0, total_return=3.0, off_road=True, interventions=12),
@@ -115,10 +137,58 @@ def test_totals() -> None:
         "mean_return": 3.0,
         "interventions": pytest.approx(0.2),
         "fail_safe": 1,
+        "at_fault_per_1000_km": pytest.approx(500.0),
+        "excused_per_1000_km": pytest.approx(500.0),
+        "lane_changes_per_km": pytest.approx(1.5),
+        "interventions_per_km": pytest.approx(8.0),
+        **dict.fromkeys(MEASURED),
     }
     assert totals(episodes[1:]).mean_steps_completed is None
     with pytest.raises(ValueError, match="no episode"):
         totals([])
+
+
+def measured(time: float, **values: Any) -> EpisodeSummary:
+    headways = [0.0] * 121
+    headways[20] = time
+    measures = EpisodeMeasures(
+        time=time,
+        jerk_square=4.0 * time,
+        hard_braking=0.1 * time,
+        short_ttc=0.2 * time,
+        windows=3.0,
+        imposed=time / 10,
+        imposed_hard=0.0,
+        headways=tuple(headways),
+    )
+    return summary(steps=10, distance=1000.0, measures=measures, **values)
+
+
+def test_totals_of_measures() -> None:
+    together = totals([measured(10.0), measured(30.0, contact=True)])
+    assert {name: getattr(together, name) for name in MEASURED} == {
+        "windows_per_km": pytest.approx(3.0),
+        "mean_time_completed": pytest.approx(10.0),
+        "jerk_rms": pytest.approx(2.0),
+        "hard_braking": pytest.approx(0.1),
+        "short_ttc": pytest.approx(0.2),
+        "headway_5": pytest.approx(1.05),
+        "headway_50": pytest.approx(1.05),
+        "imposed_braking": pytest.approx(2.0),
+        "imposed_hard_braking": 0.0,
+    }
+
+
+def test_time_is_saved_where_both_complete() -> None:
+    others = [measured(20.0), measured(20.0), measured(5.0, contact=True), measured(10.0)]
+    mine = [measured(18.0), measured(3.0, off_road=True), measured(20.0), measured(9.0)]
+    assert time_saved(mine, others) == pytest.approx(0.1)
+    assert time_saved(others, others) == 0.0
+    assert time_saved(mine[1:2], others[1:2]) is None
+    with pytest.raises(ValueError, match="without measures"):
+        time_saved([summary()], [summary()])
+    with pytest.raises(ValueError, match="shorter"):
+        time_saved(mine, others[:2])
 
 
 def test_a_record_holds_totals_and_episodes() -> None:
@@ -126,3 +196,6 @@ def test_a_record_holds_totals_and_episodes() -> None:
     assert (record["episodes"], record["shield"], record["seed"]) == (1, "on", 3)
     assert record["totals"]["mean_steps"] == 5.0
     assert record["per_episode"][0]["steps"] == 5
+    assert record["per_episode"][0]["measures"] is None
+    taken = as_record([measured(10.0)], env={}, shield="on", seed=3)["per_episode"][0]["measures"]
+    assert (taken["time"], "headways" in taken) == (10.0, False)

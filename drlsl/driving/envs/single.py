@@ -11,7 +11,13 @@ import numpy.typing as npt
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.scene import Action, Scene, one_action
 from drlsl.driving.shield import Decisions, ObservationSpace, Shield
-from drlsl.driving.simulation import TERMS, StepResult, World, load_playbacks
+from drlsl.driving.simulation import (
+    StepResult,
+    World,
+    drive_decision,
+    frames_per_decision,
+    load_playbacks,
+)
 
 Observation: TypeAlias = npt.NDArray[np.float32]
 
@@ -30,9 +36,17 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
 
     def __init__(
-        self, config: EnvConfig | None = None, *, shield: Shield | None = None, **settings: Any
+        self,
+        config: EnvConfig | None = None,
+        *,
+        shield: Shield | None = None,
+        discount: float = 1.0,
+        **settings: Any,
     ) -> None:
         """Make the environment of `config`, or of `settings`, fields of `EnvConfig`.
+
+        `discount` is that of a decision, for the rewards of its frames
+        (`drlsl.driving.simulation.drive_decision`).
 
         Raises:
             UserError: the recording or the rules cannot be used.
@@ -42,6 +56,9 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
         )
         self.world = World(self.config, load_playbacks([self.config]), self.shield)
+        self._frames = frames_per_decision(self.config.decision_period, self.world.playbacks)
+        self._discount = discount
+        self._terms = self.config.reward.single_terms
         self.observation_space = observation_box(self.shield.observation)
         self.action_space = gymnasium.spaces.Discrete(len(Action))
         self._decisions: Decisions | None = None
@@ -55,12 +72,14 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         return self._observe(self.world.decisions), self._info(self.world.decisions, None)
 
     def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive one recorded frame.
+        """Drive one decision: a recorded frame, or those of `decision_period`.
 
         Raises:
             TypeError, ValueError: the action is not an `Action`; nothing is driven.
         """
-        result = self.world.step([one_action(action)])
+        result = drive_decision(
+            self.world, [one_action(action)], frames=self._frames, discount=self._discount
+        )
         return (
             self._observe(result.decisions),
             float(result.reward[0]),
@@ -85,9 +104,10 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
 
     def _info(self, decisions: Decisions, result: StepResult | None) -> dict[str, Any]:
         contact = result.contacts.get(0) if result is not None else None
+        failures = result.failures if result is not None else decisions.failures
         return {
             "action_mask": decisions.action_mask[0].astype(np.int8),
-            "rewards": {term: float(result.rewards[term][0]) if result else 0.0 for term in TERMS},
+            "rewards": {term: float(result.rewards[term][0]) if result else 0.0 for term in self._terms},
             "lane_change": bool(result.changed[0]) if result else False,
             "contact": contact is not None,
             "at_fault": contact is not None and contact.at_fault,
@@ -97,8 +117,8 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             "speed": float((result or self.world).speed[0]),
             "distance": float((result or self.world).distance[0]),
             "target_speed": float(decisions.target_speed[0]),
-            "fail_safe": 0 in decisions.failures,
-            "fail_safe_reason": decisions.failures.get(0, ""),
+            "fail_safe": 0 in failures,
+            "fail_safe_reason": failures.get(0, ""),
         }
 
 

@@ -15,8 +15,16 @@ from gymnasium.vector.utils import batch_space
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.envs.single import observation_box
 from drlsl.driving.scene import Action
-from drlsl.driving.shield import Shield
-from drlsl.driving.simulation import TERMS, Playback, StepResult, World, in_direction, load_playbacks
+from drlsl.driving.shield import Decisions, Shield
+from drlsl.driving.simulation import (
+    Playback,
+    StepResult,
+    World,
+    drive_decision,
+    frames_per_decision,
+    in_direction,
+    load_playbacks,
+)
 from drlsl.errors import UserError
 from drlsl.traffic import Floats, Integers, Mask
 
@@ -44,12 +52,16 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         shield: Shield | None = None,
         playbacks: Sequence[Playback] | None = None,
+        discount: float = 1.0,
+        measured: bool = False,
         **settings: Any,
     ) -> None:
         """Make `num_envs` environments of one `config`, or of `settings`, or one for each of several configs.
 
         Several configurations may differ in recording and direction. `playbacks`, if given, replace the
-        recordings.
+        recordings. `discount` is that of a decision, for the rewards of its frames
+        (`drlsl.driving.simulation.drive_decision`). `measured`: info holds `measures`, those of the episodes
+        up to now (`drlsl.driving.simulation.Measures`).
 
         Raises:
             UserError: a recording or the rules cannot be used, or the configurations do not fit together.
@@ -67,11 +79,15 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
             if playbacks is None
             else [in_direction(playbacks, one) for one in configs]
         )
-        self.world = World(self.config, driven, self.shield)
+        self.world = World(self.config, driven, self.shield, measured=measured)
+        self._frames = frames_per_decision(self.config.decision_period, self.world.playbacks)
+        self._discount = discount
+        self._decisions: Decisions | None = None
         self.single_observation_space = observation_box(self.shield.observation)
         self.single_action_space = gymnasium.spaces.Discrete(len(Action))
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._terms = self.config.reward.single_terms
         self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in configs]
         self._over = np.ones(self.num_envs, dtype=np.bool_)
         self._all = _constant(self.num_envs, True)
@@ -101,12 +117,13 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         places = np.flatnonzero(asked).tolist()
         self.world.reset(places, [self._rngs[index] for index in places])
         self._over &= ~asked
+        self._decisions = self.world.decisions
         return self._observations(), self._info(None, asked)
 
     def step(
         self, actions: npt.NDArray[np.integer] | Sequence[int]
     ) -> tuple[Observations, Floats, Mask, Mask, dict[str, Any]]:
-        """Drive one recorded frame in every environment.
+        """Drive one decision in every environment: a recorded frame, or those of `decision_period`.
 
         Raises:
             ResetNeeded: autoreset is disabled and an episode is over.
@@ -115,7 +132,9 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         again: list[int] = np.flatnonzero(self._over).tolist() if self._over.any() else []
         if again and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise gymnasium.error.ResetNeeded(f"the episodes of {again} are over: reset them first")
-        result = self.world.step(actions, {index: self._rngs[index] for index in again})
+        restarts = {index: self._rngs[index] for index in again}
+        result = drive_decision(self.world, actions, restarts, frames=self._frames, discount=self._discount)
+        self._decisions = result.decisions
         over = result.terminated | result.truncated
         info = self._info(result, self._all, began=again)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
@@ -126,7 +145,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
 
     def action_masks(self) -> Mask:
         """Return the masks of the actions that the rules offer now, shape (N, 3)."""
-        return self.world.decisions.action_mask
+        return self._latest().action_mask
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of every environment between two steps, in arrays and plain types."""
@@ -135,6 +154,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave in an environment of the same configuration."""
         self.world.set_state(state["world"])
+        self._decisions = self.world.decisions
         self._rngs = self.world.rngs
         self._over = state["over"].copy()
 
@@ -165,25 +185,31 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         for index in places:
             final_obs[index] = observations[index]
         self.world.reset(places, [self._rngs[index] for index in places])
+        self._decisions = self.world.decisions
         merged = _merged(info, self._info(None, over), over)
         merged |= {"final_obs": final_obs, "_final_obs": over, "final_info": _only(info, over)}
         return merged | {"_final_info": over}
 
     def _observations(self) -> Observations:
-        return self.world.decisions.observation.astype(np.float32)
+        return self._latest().observation.astype(np.float32)
+
+    def _latest(self) -> Decisions:
+        """Return the decisions of the last reset or step."""
+        return self.world.decisions if self._decisions is None else self._decisions
 
     def _info(self, result: StepResult | None, told: Mask, began: Sequence[int] = ()) -> dict[str, Any]:
         """Return the info of the environments that `told` marks; without a result, as after a reset."""
-        decisions, world, nothing = self.world.decisions, self.world, self._nothing
+        decisions, world, nothing = self._latest(), self.world, self._nothing
         contact, at_fault, reason = nothing, nothing, self._no_reason
         if result is not None and result.contacts:
             contact, at_fault, reason = nothing.copy(), nothing.copy(), self._no_reason.copy()
             for index, met in result.contacts.items():
                 contact[index], at_fault[index], reason[index] = True, met.at_fault, met.verdict.value
         fail_safe, why = nothing, self._no_reason
-        if decisions.failures:
+        failures = decisions.failures if result is None else result.failures
+        if failures:
             fail_safe, why = nothing.copy(), self._no_reason.copy()
-            for index, failure in decisions.failures.items():
+            for index, failure in failures.items():
                 fail_safe[index], why[index] = True, failure
         entered = result.entered if result else told
         speed, distance = (result or world).speed, (result or world).distance
@@ -192,7 +218,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
             places = list(began)
             entered[places] = True
             speed[places], distance[places] = world.speed[places], world.distance[places]
-        rewards = result.rewards if result else dict.fromkeys(TERMS, np.zeros(self.num_envs))
+        rewards = result.rewards if result else dict.fromkeys(self._terms, np.zeros(self.num_envs))
         columns: dict[str, Any] = {
             "action_mask": decisions.action_mask.astype(np.int8),
             "rewards": _with_masks(rewards, told),
@@ -208,14 +234,23 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
             "fail_safe": fail_safe,
             "fail_safe_reason": why,
         }
+        if world.measures is not None:
+            columns["measures"] = _with_masks(world.measures.as_columns(), told)
         return _with_masks(columns, told)
 
 
 def make_vec(
-    config: EnvConfig, num_envs: int, autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP
+    config: EnvConfig,
+    num_envs: int,
+    autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+    *,
+    discount: float = 1.0,
+    measured: bool = False,
 ) -> HighwayVectorEnv:
     """Return the vector environment of `config`, without Gymnasium's wrappers."""
-    return HighwayVectorEnv(config, num_envs=num_envs, autoreset_mode=autoreset_mode)
+    return HighwayVectorEnv(
+        config, num_envs=num_envs, autoreset_mode=autoreset_mode, discount=discount, measured=measured
+    )
 
 
 def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> list[EnvConfig]:

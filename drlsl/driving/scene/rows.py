@@ -25,6 +25,16 @@ def put_rows(rows: Rows, places: npt.NDArray[np.int64], other: Rows) -> None:
         array[places] = getattr(other, name)
 
 
+def with_rows(rows: Rows, places: npt.NDArray[np.int64], other: Rows) -> Rows:
+    """Return the rows with those of `other` in `places`; `other` has as many rows."""
+    if not places.size:
+        return rows
+    result = copied(rows)
+    for name, array in _arrays(result):
+        array[places] = getattr(other, name)[places]
+    return result
+
+
 def _arrays(rows: DataclassInstance) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     for field in fields(rows):
         value = getattr(rows, field.name)

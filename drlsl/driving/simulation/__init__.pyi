@@ -1,4 +1,6 @@
+from .decision_period import drive_decision, frames_per_decision
 from .fault import BRAKING, INTRUSION, REACTION, Verdict
+from .measures import EpisodeMeasures, Measures, headway_quantile, measures_of
 from .playback import Playback, in_direction, load_playbacks, playbacks_of
 from .reward import TERMS
 from .world import StepResult, World
@@ -8,11 +10,17 @@ __all__ = [
     "INTRUSION",
     "REACTION",
     "TERMS",
+    "EpisodeMeasures",
+    "Measures",
     "Playback",
     "StepResult",
     "Verdict",
     "World",
+    "drive_decision",
+    "frames_per_decision",
+    "headway_quantile",
     "in_direction",
     "load_playbacks",
+    "measures_of",
     "playbacks_of",
 ]

@@ -70,6 +70,13 @@ class Past:
         row[0], row[1], row[2] = at.x, at.y, at.speed
         self.kept += 1
 
+    def motion(self, dt: Floats) -> tuple[Floats, Floats]:
+        """Return acceleration [m/s²] and jerk [m/s³] along the road, shape (N,); 0 where not yet known."""
+        speed, before, earlier = (self.rows[(self.now - back) % len(self.rows), 2] for back in range(3))
+        change = np.where(self.kept >= 2, speed - before, 0.0) / dt
+        jerk = np.where(self.kept >= 3, change - (before - earlier) / dt, 0.0) / dt
+        return change, jerk
+
     def track(self, index: int, sign: int, size: tuple[float, float]) -> Track:
         """Return one ego's track, oldest first."""
         kept = min(int(self.kept[index]), len(self.rows))

@@ -191,7 +191,8 @@ class Courses:
 
     `begin`, `frames`: the first row of the film and the number of rows; `dt` [s]; `sign` of motion along x;
     `road`, an index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`,
-    the edges of the direction's lanes [m]; `lanes`: their number; `slots`: the number of slots of its own
+    the edges of the direction's lanes [m]; `limit`: the highest speed limit of the direction [m/s]; `lanes`:
+    the number of lanes; `slots`: the number of slots of its own
     film. Of shape (N, L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
     """
 
@@ -204,6 +205,7 @@ class Courses:
     length: Floats
     low: Floats
     high: Floats
+    limit: Floats
     lanes: Integers
     slots: Integers
     lane_id: Integers
@@ -240,6 +242,7 @@ class Playbacks:
             length=np.array([one.length for one in playbacks]),
             low=np.array([min(lane.centre - lane.width / 2 for lane in one.lanes) for one in playbacks]),
             high=np.array([max(lane.centre + lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            limit=np.array([max(lane.speed_limit for lane in one.lanes) for one in playbacks]),
             lanes=np.array([len(one.lanes) for one in playbacks]),
             slots=np.array([one.film.valid.shape[1] for one in playbacks]),
             lane_id=lane_id,

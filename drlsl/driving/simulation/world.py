@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -16,10 +17,11 @@ from drlsl.driving.simulation.contacts import Contact, Surroundings, worst_conta
 from drlsl.driving.simulation.egos import Egos
 from drlsl.driving.simulation.entry import Entries, Entry
 from drlsl.driving.simulation.fault import judge
+from drlsl.driving.simulation.measures import Measures, Meter
 from drlsl.driving.simulation.playback import Playback, Playbacks
 from drlsl.driving.simulation.prediction import NOTHING_OFFERED, predicted_actions
 from drlsl.driving.simulation.reactive import ReactiveTraffic
-from drlsl.driving.simulation.reward import reward_terms
+from drlsl.driving.simulation.reward import Driven, reward_terms
 from drlsl.driving.simulation.sensing import Sensing
 from drlsl.traffic import Floats, Integers, Mask
 
@@ -35,7 +37,7 @@ class StepResult:
 
     Arrays are of shape (N,); `rewards` holds the weighted terms. `contacts`: by ego, the contact that ended
     its episode. `changed`: the step started a lane change; `entered`: the ego was placed anew on the
-    stretch; `distance` [m] driven in the episode, `speed` [m/s].
+    stretch; `distance` [m] driven in the episode, `speed` [m/s]. `failures`: by ego, why the rules failed.
     """
 
     scenes: SceneBatch
@@ -50,6 +52,7 @@ class StepResult:
     entered: Mask
     distance: Floats
     speed: Floats
+    failures: dict[int, str]
 
 
 class World:
@@ -61,10 +64,17 @@ class World:
     changes are ignored. Between the end of its episode and its reset, an ego's state is undefined.
     """
 
-    def __init__(self, config: EnvConfig, playbacks: Sequence[Sequence[Playback]], shield: Shield) -> None:
+    def __init__(
+        self,
+        config: EnvConfig,
+        playbacks: Sequence[Sequence[Playback]],
+        shield: Shield,
+        *,
+        measured: bool = False,
+    ) -> None:
         """Lay out the playbacks: for each ego those that it may drive in, one drawn for every episode.
 
-        The recording and the direction of `config` are ignored.
+        The recording and the direction of `config` are ignored. `measured`: take the `Measures` of episodes.
 
         Raises:
             UserError: the tier cannot run the rules, or they do not observe what they declare.
@@ -90,6 +100,7 @@ class World:
             if config.sensing.faulty
             else None
         )
+        self._meter = Meter(self.count) if measured else None
         self.rngs = [np.random.default_rng() for _ in range(self.count)]
         """The generator of each ego's episode."""
         self._everyone = np.arange(self.count)
@@ -110,6 +121,11 @@ class World:
         if self._seen is None:
             raise RuntimeError(NOT_RESET)
         return self._seen
+
+    @property
+    def measures(self) -> Measures | None:
+        """The measures of the episodes up to now, if they are taken."""
+        return None if self._meter is None else self._meter.totals
 
     @property
     def distance(self) -> Floats:
@@ -197,12 +213,27 @@ class World:
         speed, distance = at.speed.copy(), at.distance.copy()
         rewards = reward_terms(
             self.config.reward,
-            changed=changed,
-            speed=speed * playing,
-            contact=touched,
-            off_road=off_road,
-            progress=distance / self.config.track_length,
+            Driven(
+                playing=playing,
+                changed=changed,
+                speed=speed,
+                contact=touched,
+                off_road=off_road,
+                progress=distance / self.config.track_length,
+                limit=self._courses.limit,
+                dt=self._courses.dt,
+                motion=partial(egos.past.motion, self._courses.dt),
+            ),
         )
+        if self._meter is not None:
+            self._meter.add(
+                playing,
+                around.scenes,
+                decisions.action_mask,
+                egos.past.motion(self._courses.dt),
+                sign=self._courses.sign,
+                dt=self._courses.dt,
+            )
         entered = self._reenter(over)
         if restarts:
             self._begin(restarts)
@@ -220,6 +251,7 @@ class World:
             entered=entered,
             distance=distance,
             speed=speed,
+            failures=decisions.failures,
         )
 
     def get_state(self) -> dict[str, Any]:
@@ -263,6 +295,8 @@ class World:
             choices = self._choices[ego]
             at.playback[ego] = choices[rng.integers(len(choices))]
             at.ended[ego], at.distance[ego] = False, 0.0
+            if self._meter is not None:
+                self._meter.begin(ego)
             frame = int(rng.integers(self.playback_of(ego).frames))
             self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
         self._courses = self.playbacks.courses.take(at.playback)
@@ -274,6 +308,8 @@ class World:
             self._reactive.forget(ego)
         if self._sensing is not None:
             self._sensing.forget(ego)
+        if self._meter is not None:
+            self._meter.forget(ego)
 
     def _look(self, places: Integers | None = None) -> Surroundings:
         """Return the scenes around the egos in `places`, or around all of them."""
