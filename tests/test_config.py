@@ -44,7 +44,7 @@ def test_the_defaults_are_the_papers() -> None:
     assert config.learning.target_every == 1_000
     assert (config.schedule.learning_rate_start, config.schedule.learning_rate_end) == (0.01, 1e-4)
     assert (config.schedule.epsilon_start, config.schedule.epsilon_end) == (0.1, 0.001)
-    assert config.env.track_length == 840.0
+    assert (config.env.track_length, config.env.traffic) == (None, "auto")
 
 
 def test_the_paper_preset_prints_the_papers_target() -> None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from drlsl.traffic import RecordingReport, Spread
+    from drlsl.traffic import Merge, RecordingReport, Spread
 
 app = typer.Typer(help="Look at recordings of traffic, and make new ones.", no_args_is_help=True)
 
@@ -91,20 +92,64 @@ def info(
 def generate(
     out: Annotated[Path, typer.Option(help="Folder to write, in highD layout.", show_default=False)],
     preset: Annotated[
-        str, typer.Option(help="Kind of road and traffic: highway-train, highway-test or freeway.")
+        str,
+        typer.Option(
+            help="Kind of road and traffic: the name of a bundled recording; flags below change it."
+        ),
     ] = "highway-train",
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the traffic; the preset's by default.")
     ] = None,
     minutes: Annotated[float | None, typer.Option(help="Length; the preset's by default.")] = None,
+    stretch: Annotated[float | None, typer.Option(help="Metres of road to record.")] = None,
+    flow: Annotated[
+        float | None, typer.Option(help="Vehicles per hour that want to drive in each direction.")
+    ] = None,
+    truck_share: Annotated[
+        float | None, typer.Option(help="Share of these that are trucks, from 0 to 1.")
+    ] = None,
+    lane_limits: Annotated[
+        str | None,
+        typer.Option(
+            metavar="M/S,...",
+            help="Speed limits in m/s that drivers keep, from the right lane to the left; one: all lanes.",
+        ),
+    ] = None,
+    merge: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="AT:LENGTH:FLOW",
+            help="An on-ramp on the right of each direction: its lane begins AT metres into the stretch and "
+            "ends LENGTH metres later; FLOW vehicles per hour come from it. May be repeated.",
+        ),
+    ] = None,
+    traffic: Annotated[
+        Literal["recorded", "reactive"] | None,
+        typer.Option(
+            help="Whether the vehicles are to brake for an ego, as the recording then says; the preset's by "
+            "default."
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the folder if it exists.")] = False,
     compress: Annotated[bool, typer.Option("--compress", help="Write .csv.xz instead of .csv.")] = False,
 ) -> None:
     """Make a synthetic recording with the traffic simulator SUMO (extra `sumo`)."""
-    from drlsl.traffic import check_folder, find_preset, simulate, write_highd
+    from dataclasses import replace
+
+    from drlsl.traffic import Traffic, check_folder, find_preset, simulate, write_highd
 
     check_folder(out, force=force)
     chosen = find_preset(preset)
+    flags = {
+        "stretch": stretch,
+        "flow": flow,
+        "truck_share": truck_share,
+        "lane_limits": None if lane_limits is None else _lane_limits(lane_limits, chosen.lanes),
+        "merges": _merges(merge) if merge else None,
+        "traffic": None if traffic is None else Traffic(traffic),
+    }
+    changes: dict[str, Any] = {name: value for name, value in flags.items() if value is not None}
+    chosen = replace(chosen, **changes)
     content = simulate(
         chosen,
         seed=chosen.seed if seed is None else seed,
@@ -112,6 +157,49 @@ def generate(
     )
     write_highd(content, out, force=force, compress=compress)
     typer.echo(f"{out}: {len(content.vehicle_class)} vehicles, {len(content.tracks):,} rows")
+
+
+def _lane_limits(text: str, lanes: int) -> tuple[float, ...]:
+    """Return the limits that --lane-limits gives, one for each lane [m/s].
+
+    Raises:
+        UserError: the text is not numbers joined by commas.
+    """
+    limits = _numbers("--lane-limits", text, ",", "numbers in m/s joined by commas, as in 22.2,27.8,33.3")
+    return limits * lanes if len(limits) == 1 else limits
+
+
+def _merges(texts: Sequence[str]) -> tuple[Merge, ...]:
+    """Return the on-ramps that --merge gives, in order along the road.
+
+    Raises:
+        UserError: a text is not AT:LENGTH:FLOW.
+    """
+    from drlsl.errors import UserError
+    from drlsl.traffic import Merge
+
+    merges = []
+    for text in texts:
+        expected = "AT:LENGTH:FLOW in metres, metres and vehicles per hour, as in 300:250:600"
+        numbers = _numbers("--merge", text, ":", expected)
+        if len(numbers) != 3:
+            raise UserError(f"--merge {text}: expected {expected}")
+        merges.append(Merge(*numbers))
+    return tuple(sorted(merges, key=lambda merge: merge.at))
+
+
+def _numbers(flag: str, text: str, mark: str, expected: str) -> tuple[float, ...]:
+    """Return the numbers of a flag.
+
+    Raises:
+        UserError: there is anything else.
+    """
+    from drlsl.errors import UserError
+
+    try:
+        return tuple(float(item) for item in text.split(mark))
+    except ValueError:
+        raise UserError(f"{flag} {text}: expected {expected}") from None
 
 
 def _words(value: str) -> str:
@@ -136,9 +224,15 @@ def _summary(report: RecordingReport) -> Table:
         "appearances": f"{report.appearances}, of which {report.appearances_mid_road} mid-road",
         "overlapping boxes": f"{report.overlaps} (pairs, counted once a frame)",
         "lateral speed": f"at most {report.largest_lateral_speed_m_s:.2f} m/s",
+        "traffic": f"{report.traffic}, if env.traffic is auto",
     }
     for name, value in rows.items():
         table.add_row(name, value)
+    for lane in report.merging_lanes:
+        table.add_row(
+            "merging lane",
+            f"{_words(lane.direction)}, {lane.begin_m:.0f} to {lane.end_m:.0f} m, {lane.vehicles} vehicles",
+        )
     return table
 
 

@@ -56,9 +56,11 @@ def stress(
         float | None, typer.Option(help="Seconds that the prediction looks ahead; default: 3.")
     ] = None,
     traffic: Annotated[
-        Literal["recorded", "reactive"],
-        typer.Option(help="Whether recorded vehicles drive through the ego or brake for it."),
-    ] = "recorded",
+        Literal["auto", "recorded", "reactive"],
+        typer.Option(
+            help="Whether recorded vehicles drive through the ego or brake for it; auto: as recordings say."
+        ),
+    ] = "auto",
     position_noise: Annotated[float, typer.Option(help="Metres by which places seen are wrong.")] = 0.0,
     speed_noise: Annotated[float, typer.Option(help="Metres a second by which speeds seen are wrong.")] = 0.0,
     drop_rate: Annotated[float, typer.Option(help="Share of the vehicles that are not seen.")] = 0.0,

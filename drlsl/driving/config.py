@@ -16,7 +16,7 @@ EGO_WIDTH: Final = 1.9
 """Width of the ego [m]: a passenger car's; the public code's 8 pixels are 2.46 m, a lorry's."""
 
 TRACK_LENGTH: Final = 840.0
-"""Length of an episode [m]. Source: paper, Training."""
+"""Least length of an episode [m] where none is given. Source: paper, Training."""
 
 
 PREDICTION_HORIZON: Final = 3.0
@@ -155,9 +155,10 @@ class EnvConfig(Section):
     prediction_horizon: float = Field(
         PREDICTION_HORIZON, gt=0, le=30, description="Seconds that the prediction looks ahead."
     )
-    traffic: Literal["recorded", "reactive"] = Field(
-        "recorded",
-        description="Whether recorded vehicles drive through the ego, or brake for it and follow (IDM).",
+    traffic: Literal["auto", "recorded", "reactive"] = Field(
+        "auto",
+        description="Whether recorded vehicles drive through the ego, or brake for it and follow (IDM); "
+        "auto: as their recording says.",
     )
     decision_period: float | None = Field(
         None,
@@ -167,7 +168,12 @@ class EnvConfig(Section):
         "frame. The rules still judge, and the ego still brakes, in every frame.",
     )
     sensing: SensingConfig = Field(SensingConfig(), description="Faults of what the ego sees.")
-    track_length: float = Field(TRACK_LENGTH, gt=0, description="Metres to drive in an episode.")
+    track_length: float | None = Field(
+        None,
+        gt=0,
+        description="Metres to drive in an episode; none: the paper's 840, or the whole stretch where it is "
+        "longer than that.",
+    )
     radar_range: float = Field(
         RADAR_RANGE, gt=0, description="Metres within which the ego sees other vehicles."
     )

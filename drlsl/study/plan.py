@@ -42,7 +42,7 @@ class ScenarioConfig(Section):
     direction: Literal["both", "left_to_right", "right_to_left"] = Field(
         default="both", description="As env.direction."
     )
-    traffic: Literal["recorded", "reactive"] = Field(default="recorded", description="As env.traffic.")
+    traffic: Literal["auto", "recorded", "reactive"] = Field(default="auto", description="As env.traffic.")
     paper: PaperTest | None = Field(default=None, description="The paper's scenario to compare with.")
 
 

@@ -1,11 +1,12 @@
 from .array_kinds import NUMBERS, Boxes, Floats, Integers, Mask
 from .cache import cache_folder
-from .generate import PRESETS, find_preset, simulate
+from .generate import simulate
 from .highd_writer import check_folder, write_highd
 from .load import bundled_recordings, load_recording
 from .recording import Recording, VehicleClass
 from .report import RecordingReport, Spread, recording_report
-from .road import Direction, Lane
+from .road import Direction, Lane, MergingLane, Traffic
+from .road_presets import PRESETS, Merge, find_preset
 from .sources import BUNDLED, find_source
 from .tracks import Tracks, lanes_of_rows, pack
 
@@ -19,10 +20,13 @@ __all__ = [
     "Integers",
     "Lane",
     "Mask",
+    "Merge",
+    "MergingLane",
     "Recording",
     "RecordingReport",
     "Spread",
     "Tracks",
+    "Traffic",
     "VehicleClass",
     "bundled_recordings",
     "cache_folder",

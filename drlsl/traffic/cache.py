@@ -16,10 +16,10 @@ import numpy as np
 
 from drlsl.files import written_whole
 from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, VehicleClass
-from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 from drlsl.traffic.sources import Source
 
-LOADER_VERSION = 3
+LOADER_VERSION = 4
 """Version of the cache: raise it whenever a loader reads the same files differently or the layout changes."""
 
 SAMPLE = 1 << 16
@@ -88,6 +88,10 @@ def write_cached(source: Source, recording: Recording) -> None:
         "vehicle_class": {vehicle: kind.value for vehicle, kind in recording.vehicle_class.items()},
         "dropped": [asdict(item) for item in recording.dropped],
         "notes": recording.notes,
+        "merging_lanes": [
+            {**asdict(lane), "direction": lane.direction.value} for lane in recording.merging_lanes
+        ],
+        "traffic": recording.traffic.value,
     }
     arrays = [np.array(json.dumps(facts)), *(getattr(recording.frames, name) for name in EMPTY_SLOT)]
     path = _cache_file(source)
@@ -127,6 +131,11 @@ def _recording(facts: dict[str, Any], arrays: dict[str, Any]) -> Recording:
         vehicle_class={int(vehicle): kinds[kind] for vehicle, kind in facts["vehicle_class"].items()},
         dropped=tuple(Dropped(**item) for item in facts["dropped"]),
         notes=tuple(facts["notes"]),
+        merging_lanes=tuple(
+            MergingLane(**{**lane, "direction": Direction(lane["direction"])})
+            for lane in facts["merging_lanes"]
+        ),
+        traffic=Traffic(facts["traffic"]),
     )
 
 

@@ -7,16 +7,18 @@ https://levelxdata.com/highd-dataset/.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.columns import Kind, read_columns
+from drlsl.traffic.columns import Kind, read_columns, read_header
 from drlsl.traffic.recording import Recording, VehicleClass
-from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 from drlsl.traffic.sources import Source
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, without_duplicates
 
@@ -43,6 +45,21 @@ META_COLUMNS = {
     "upperLaneMarkings": Kind.TEXT,
     "lowerLaneMarkings": Kind.TEXT,
 }
+OWN_COLUMNS = {"laneSpeedLimits": Kind.TEXT, "mergingLanes": Kind.TEXT, "traffic": Kind.TEXT}
+"""Columns that highD does not have, and a recording may have."""
+
+MERGING_LANE = ("begin", "end", "top", "bottom")
+"""Numbers of a merging lane, in the order of the column."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Meta:
+    """The contents of recordingMeta."""
+
+    frame_rate: float
+    lanes: tuple[Lane, ...]
+    merging_lanes: tuple[MergingLane, ...]
+    traffic: Traffic
 
 
 def load_highd(source: Source) -> Recording:
@@ -56,7 +73,7 @@ def load_highd(source: Source) -> Recording:
         UserError: a file is unreadable or inconsistent.
     """
     tracks_file, vehicles_file, meta_file = source.files
-    frame_rate, lanes = _read_meta(meta_file)
+    meta = _read_meta(meta_file)
     classes = _read_classes(vehicles_file)
     tracks = _read_tracks(tracks_file)
     unknown = sorted(set(np.unique(tracks.vehicle).tolist()) - set(classes))
@@ -65,17 +82,19 @@ def load_highd(source: Source) -> Recording:
         raise UserError(f"{vehicles_file}: no row for vehicle {listed}, which {tracks_file.name} has")
     tracks, _, dropped = without_duplicates(tracks)
     seen = set(np.unique(tracks.vehicle).tolist())
-    lane = lanes_of_rows(tracks.y, lanes)
+    lane = lanes_of_rows(tracks.y, meta.lanes)
     recording = Recording(
         name=source.name,
-        frame_rate=frame_rate,
-        lanes=lanes,
+        frame_rate=meta.frame_rate,
+        lanes=meta.lanes,
         x_min=float((tracks.x - tracks.length / 2).min()),
         x_max=float((tracks.x + tracks.length / 2).max()),
         frames=pack(tracks, lane, name=source.name),
         vehicle_class={vehicle: kind for vehicle, kind in classes.items() if vehicle in seen},
         dropped=dropped,
-        notes=_notes(tracks, lane, lanes),
+        notes=_notes(tracks, lane, meta.lanes, meta.merging_lanes),
+        merging_lanes=meta.merging_lanes,
+        traffic=meta.traffic,
     )
     recording.validate()
     return recording
@@ -111,8 +130,10 @@ def _read_classes(path: Path) -> dict[int, VehicleClass]:
     return classes
 
 
-def _read_meta(path: Path) -> tuple[float, tuple[Lane, ...]]:
-    table = read_columns(path, META_COLUMNS)
+def _read_meta(path: Path) -> _Meta:
+    header = {column.lower() for column in read_header(path)}
+    own = {name: kind for name, kind in OWN_COLUMNS.items() if name.lower() in header}
+    table = read_columns(path, META_COLUMNS | own)
     if len(table) != 1:
         raise UserError(f"{path}: {len(table)} rows, expected the one row of a recording")
     row = table.iloc[0]
@@ -122,18 +143,72 @@ def _read_meta(path: Path) -> tuple[float, tuple[Lane, ...]]:
         raise UserError(f"{path}:2: the upper lane markings must lie above (y smaller than) the lower ones")
     if not (upper or lower):
         raise UserError(f"{path}:2: no lane markings, neither upper nor lower")
-    limit = float(row["speedLimit"])
-    return float(row["frameRate"]), _lanes(upper, lower, limit if limit > 0 else UNLIMITED_SPEED)
+    limits = _limits(path, row, max(len(upper) - 1, 0) + max(len(lower) - 1, 0))
+    return _Meta(
+        frame_rate=float(row["frameRate"]),
+        lanes=_lanes(upper, lower, limits),
+        merging_lanes=_merging_lanes(path, row.get("mergingLanes")),
+        traffic=_traffic(path, row.get("traffic")),
+    )
+
+
+def _limits(path: Path, row: pd.Series[Any], count: int) -> list[float]:
+    """Return the speed limit of each lane from the top [m/s]."""
+    text = row.get("laneSpeedLimits")
+    values = [float(row["speedLimit"])] * count
+    if _given(text):
+        values = _numbers(text, ";")
+        if len(values) != count or not all(np.isfinite(values)):
+            raise UserError(
+                f"{path}:2: column laneSpeedLimits: {text!r} is not {count} numbers joined by ';', one for "
+                "each lane"
+            )
+    return [limit if limit > 0 else UNLIMITED_SPEED for limit in values]
+
+
+def _merging_lanes(path: Path, text: object) -> tuple[MergingLane, ...]:
+    """Return the merging lanes of a cell: begin, end, upper and lower border of each [m]."""
+    if not _given(text):
+        return ()
+    lanes = []
+    for item in str(text).split(";"):
+        values = _numbers(item, ":")
+        if len(values) != len(MERGING_LANE) or not all(np.isfinite(values)):
+            raise UserError(
+                f"{path}:2: column mergingLanes: {item!r} is not {':'.join(MERGING_LANE)}, in metres"
+            )
+        begin, end, top, bottom = values
+        direction = Direction.LEFT_TO_RIGHT if begin < end else Direction.RIGHT_TO_LEFT
+        lanes.append(MergingLane(direction, (top + bottom) / 2, bottom - top, begin, end))
+    return tuple(lanes)
+
+
+def _traffic(path: Path, text: object) -> Traffic:
+    if not _given(text):
+        return Traffic.RECORDED
+    try:
+        return Traffic(str(text).strip().lower())
+    except ValueError:
+        expected = " or ".join(traffic.value for traffic in Traffic)
+        raise UserError(f"{path}:2: column traffic: {text!r} is not {expected}") from None
+
+
+def _given(text: object) -> bool:
+    """Return whether an optional cell is there and not empty."""
+    return text is not None and not pd.isna(text) and bool(str(text).strip())  # type: ignore[call-overload]
+
+
+def _numbers(text: object, mark: str) -> list[float]:
+    """Return the numbers of a cell that `mark` joins; NaN alone if there is anything else."""
+    try:
+        return [float(item) for item in str(text).split(mark) if item.strip()]
+    except ValueError:
+        return [float("nan")]
 
 
 def _markings(path: Path, column: str, text: object) -> list[float]:
     """Return the y of the lane markings, top first; empty if the road has no such side."""
-    if pd.isna(text):  # type: ignore[call-overload]  # a cell is any scalar
-        return []
-    try:
-        values = [float(item) for item in str(text).split(";") if item.strip()]
-    except ValueError:
-        values = [float("nan")]
+    values = _numbers(text, ";") if _given(text) else []
     if not np.isfinite(values).all() or len(values) == 1 or any(b <= a for a, b in pairwise(values)):
         raise UserError(
             f"{path}:2: column {column}: {text!r} is not two or more increasing numbers joined by ';'"
@@ -141,22 +216,28 @@ def _markings(path: Path, column: str, text: object) -> list[float]:
     return values
 
 
-def _lanes(upper: Sequence[float], lower: Sequence[float], limit: float) -> tuple[Lane, ...]:
+def _lanes(upper: Sequence[float], lower: Sequence[float], limits: Sequence[float]) -> tuple[Lane, ...]:
     """Return lanes between neighbouring markings, counted from the top; the upper side runs right to left."""
     strips = [(pair, Direction.RIGHT_TO_LEFT) for pair in pairwise(upper)]
     strips += [(pair, Direction.LEFT_TO_RIGHT) for pair in pairwise(lower)]
     return tuple(
         Lane(number, direction, (top + bottom) / 2, bottom - top, limit)
-        for number, ((top, bottom), direction) in enumerate(strips, start=1)
+        for number, (((top, bottom), direction), limit) in enumerate(
+            zip(strips, limits, strict=True), start=1
+        )
     )
 
 
-def _notes(tracks: Tracks, lane: np.ndarray, lanes: Sequence[Lane]) -> tuple[str, ...]:
+def _notes(
+    tracks: Tracks, lane: np.ndarray, lanes: Sequence[Lane], merging_lanes: Sequence[MergingLane]
+) -> tuple[str, ...]:
     """Return notes on rows that do not fit the road."""
     notes = []
-    off = int((lane == 0).sum())
-    if off:
-        notes.append(f"{off} rows have their centre in no lane (lane 0)")
+    off = lane == 0
+    for merging in merging_lanes:
+        off &= np.abs(tracks.y - merging.centre) > merging.width / 2
+    if off.any():
+        notes.append(f"{int(off.sum())} rows have their centre in no lane (lane 0)")
     sign = np.array([0] + [item.direction.sign for item in lanes])[lane]
     backward = int((tracks.vx * sign < -1.0).sum())
     if backward:

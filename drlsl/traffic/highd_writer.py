@@ -19,6 +19,7 @@ import pandas as pd
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.recording import VehicleClass
+from drlsl.traffic.road import MergingLane, Traffic
 from drlsl.traffic.tracks import Tracks
 
 RECORDING_FILE = re.compile(r"\d+_(tracks|tracksMeta|recordingMeta)\.csv(\.gz|\.xz)?")
@@ -30,18 +31,24 @@ class HighdContent:
     """All contents of the three files of one recording.
 
     `tracks` are sorted by vehicle and frame, frames count from 0, each vehicle has one unbroken track; `ax`
-    and `ay` [m/s²] have one value a row. Markings are y values [m], top first, empty for a direction without
-    lanes; `speed_limit` [m/s] is None for no limit.
+    and `ay` [m/s²] have one value a row, or are None: not written. Markings are y values [m], top first,
+    empty for a direction without lanes; `speed_limit` [m/s] is None for no limit. `lane_limits` [m/s], one
+    for each lane from the top, take its place where there are any. `merging_lanes` and `traffic` are as in
+    Recording. These three are columns of recordingMeta that highD does not have, written only where they say
+    something.
     """
 
     tracks: Tracks
-    ax: Floats
-    ay: Floats
+    ax: Floats | None
+    ay: Floats | None
     vehicle_class: Mapping[int, VehicleClass]
     frame_rate: float
     upper_markings: Sequence[float]
     lower_markings: Sequence[float]
     speed_limit: float | None
+    lane_limits: Sequence[float] = ()
+    merging_lanes: Sequence[MergingLane] = ()
+    traffic: Traffic = Traffic.RECORDED
 
 
 def check_folder(folder: Path, *, force: bool) -> None:
@@ -118,11 +125,11 @@ def _tracks_table(content: HighdContent) -> pd.DataFrame:
         "height": tracks.width,
         "xVelocity": _rounded(tracks.vx),
         "yVelocity": _rounded(tracks.vy),
-        "xAcceleration": _rounded(content.ax),
-        "yAcceleration": _rounded(content.ay),
-        "laneId": _lane_ids(content),
     }
-    return pd.DataFrame(columns)
+    for name, values in (("xAcceleration", content.ax), ("yAcceleration", content.ay)):
+        if values is not None:
+            columns[name] = _rounded(values)
+    return pd.DataFrame({**columns, "laneId": _lane_ids(content)})
 
 
 def _lane_ids(content: HighdContent) -> np.ndarray:
@@ -181,8 +188,25 @@ def _meta_table(content: HighdContent, part: str) -> pd.DataFrame:
             "numTrucks": [kinds.count(VehicleClass.TRUCK)],
             "upperLaneMarkings": [";".join(f"{y:.2f}" for y in content.upper_markings)],
             "lowerLaneMarkings": [";".join(f"{y:.2f}" for y in content.lower_markings)],
+            **_own_columns(content),
         }
     )
+
+
+def _own_columns(content: HighdContent) -> dict[str, list[str]]:
+    """Return the columns that highD does not have; docs/data.md describes them."""
+    columns = {}
+    if content.lane_limits:
+        columns["laneSpeedLimits"] = [";".join(f"{limit:.2f}" for limit in content.lane_limits)]
+    if content.merging_lanes:
+        corners = (
+            (lane.begin, lane.end, lane.centre - lane.width / 2, lane.centre + lane.width / 2)
+            for lane in content.merging_lanes
+        )
+        columns["mergingLanes"] = [";".join(":".join(f"{value:.2f}" for value in four) for four in corners)]
+    if content.traffic is not Traffic.RECORDED:
+        columns["traffic"] = [content.traffic.value]
+    return columns
 
 
 def _rounded(values: Floats) -> Floats:

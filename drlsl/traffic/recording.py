@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import NUMBERS, Boxes, Ids, LaneIds, Mask
-from drlsl.traffic.road import Direction, Lane
+from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 
 NO_VEHICLE = -1
 """`Frames.vehicle` and `Frames.first` of an empty slot."""
@@ -22,6 +22,8 @@ NO_VEHICLE = -1
 OFF_LANE = 0
 """`Frames.lane` of a vehicle whose centre is in none of the recording's lanes: ramp, shoulder, median."""
 
+ROUNDED = 0.02
+"""Slack [m] between a merging lane and its neighbour: both are written with two decimals."""
 
 EMPTY_SLOT: Mapping[str, float] = MappingProxyType(
     {
@@ -88,7 +90,8 @@ class Recording:
     Coordinates: x along the road to the right, y across it and downward; boxes are axis-aligned and given by
     their centre. Frame i is at i / frame_rate seconds. `[x_min, x_max]` [m] is the recorded stretch, `lanes`
     are sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped` lists the rows of the
-    source that are missing, and `notes` all estimates and corrections, in sentences for people.
+    source that are missing, and `notes` all estimates and corrections, in sentences for people. `traffic` is
+    what the vehicles should do about an ego, if its driver has no other wish.
     """
 
     name: str
@@ -100,6 +103,8 @@ class Recording:
     vehicle_class: Mapping[int, VehicleClass]
     dropped: tuple[Dropped, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    merging_lanes: tuple[MergingLane, ...] = ()
+    traffic: Traffic = Traffic.RECORDED
 
     @property
     def frame_count(self) -> int:
@@ -169,6 +174,7 @@ def _problems(recording: Recording) -> Iterator[str]:
     if not (np.isfinite([recording.x_min, recording.x_max]).all() and recording.x_min < recording.x_max):
         yield f"the stretch of road [{recording.x_min}, {recording.x_max}] m is empty or not finite"
     yield from _lane_problems(recording.lanes)
+    yield from _merging_lane_problems(recording)
     frames = recording.frames
     shape = frames.vehicle.shape
     for name, array in frames.arrays():
@@ -192,6 +198,18 @@ def _lane_problems(lanes: tuple[Lane, ...]) -> Iterator[str]:
     for upper, lower in pairwise(lanes):
         if lower.centre - lower.width / 2 < upper.centre + upper.width / 2 - 1e-6:
             yield f"lanes {upper.id} and {lower.id} overlap or are out of order"
+
+
+def _merging_lane_problems(recording: Recording) -> Iterator[str]:
+    for lane in recording.merging_lanes:
+        if not np.isfinite([lane.centre, lane.width, lane.begin, lane.end]).all() or lane.width <= 0:
+            yield "a merging lane needs finite numbers and a width above 0"
+        if (lane.end - lane.begin) * lane.direction.sign <= 0:
+            yield "a merging lane must end after its beginning, along its direction"
+        road = recording.lanes_of(lane.direction)
+        right = road[-1 if lane.direction.sign > 0 else 0] if road else None
+        if right is None or abs(abs(lane.centre - right.centre) - (lane.width + right.width) / 2) > ROUNDED:
+            yield "a merging lane must lie beside the right lane of its direction"
 
 
 def _slot_problems(recording: Recording) -> Iterator[str]:

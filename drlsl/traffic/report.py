@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from drlsl.traffic.array_kinds import Floats, LaneIds, Mask
 from drlsl.traffic.recording import OFF_LANE, Dropped, Frames, Recording, VehicleClass
+from drlsl.traffic.road import MergingLane
 
 ENTRANCE = 15.0
 """A vehicle first seen with its rear more than this [m] into the stretch has appeared mid-road."""
@@ -49,11 +50,22 @@ class LaneReport:
 
 
 @dataclass(frozen=True, slots=True)
+class MergingLaneReport:
+    """A merging lane, from x to x in the order of travel, and the number of vehicles seen in it."""
+
+    direction: str
+    begin_m: float
+    end_m: float
+    vehicles: int
+
+
+@dataclass(frozen=True, slots=True)
 class RecordingReport:
     """The figures of a recording.
 
     Speeds count along the lane's direction; gaps run from bumper to bumper, time headways from front to
     front, both to the leader in the same lane. `overlaps` counts pairs of boxes that overlap, once a frame.
+    `traffic` is what the vehicles do about an ego if its configuration has no other wish.
     """
 
     name: str
@@ -77,6 +89,8 @@ class RecordingReport:
     appearances_mid_road: int
     overlaps: int
     largest_lateral_speed_m_s: float
+    traffic: str
+    merging_lanes: tuple[MergingLaneReport, ...]
     dropped: tuple[Dropped, ...]
     notes: tuple[str, ...]
 
@@ -118,6 +132,13 @@ def recording_report(recording: Recording) -> RecordingReport:
         appearances_mid_road=mid_road,
         overlaps=_overlaps(frames),
         largest_lateral_speed_m_s=float(np.abs(frames.vy[valid]).max()),
+        traffic=recording.traffic.value,
+        merging_lanes=tuple(
+            MergingLaneReport(
+                lane.direction.value, lane.begin, lane.end, _in_merging_lane(recording.frames, lane)
+            )
+            for lane in recording.merging_lanes
+        ),
         dropped=recording.dropped,
         notes=recording.notes,
     )
@@ -177,6 +198,14 @@ def _lanes(recording: Recording, pairs: _Followers) -> tuple[LaneReport, ...]:
             )
         )
     return tuple(reports)
+
+
+def _in_merging_lane(frames: Frames, lane: MergingLane) -> int:
+    """Return the number of vehicles whose centre was in a merging lane."""
+    sign = lane.direction.sign
+    inside = (sign * frames.x >= sign * lane.begin) & (sign * frames.x <= sign * lane.end)
+    inside &= np.abs(frames.y - lane.centre) <= lane.width / 2
+    return len(np.unique(frames.vehicle[inside]))
 
 
 def _lane_changes(frames: Frames) -> int:

@@ -31,3 +31,28 @@ class Lane:
     centre: float
     width: float
     speed_limit: float
+
+
+class Traffic(Enum):
+    """Behaviour of recorded vehicles towards an ego, which was not there when they were recorded."""
+
+    RECORDED = "recorded"
+    """They drive as recorded, through the ego too."""
+    REACTIVE = "reactive"
+    """They brake for the ego and follow it."""
+
+
+@dataclass(frozen=True, slots=True)
+class MergingLane:
+    """A lane beside the road from which vehicles join it, before the lane ends.
+
+    It is no `Lane` of the recording: its vehicles are in lane 0, and the ego stays out of it. `centre` [m] is
+    its y, `width` [m] its extent in y, `begin` and `end` [m] the x where it begins and ends, in the order of
+    travel; before it lies the on-ramp.
+    """
+
+    direction: Direction
+    centre: float
+    width: float
+    begin: float
+    end: float

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +15,7 @@ from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, Verdict, World, in_direction, playbacks_of
 from drlsl.driving.simulation.reactive import SIDE_ROOM, _Cars, _followers
 from drlsl.logic import Engine
-from drlsl.traffic import Recording, load_recording
+from drlsl.traffic import Recording, Traffic, load_recording
 from tests.driving.recordings import Drive, recording
 
 KEEP = np.array([Action.LANE_KEEPING])
@@ -220,7 +222,7 @@ def test_the_nearest_in_the_way_is_followed(seed: int, slots: int, share: float)
     lagging[:, 0] = False
     y = 3.5 * rng.integers(3, size=shape) + rng.normal(0.0, 0.5, shape)
     cars = _Cars(rng.uniform(0.0, 300.0, shape), y, y, y, rng.uniform(1.7, 2.6, shape), there)
-    rear, front = _followers(cars, lagging)
+    rear, front = _followers(cars, lagging, np.ones(len(lagging), dtype=np.bool_))
     pairs = list(zip(rear.tolist(), front.tolist(), strict=True))
     assert len(set(rear.tolist())) == len(rear)
     assert set(pairs) == followed(cars, lagging)
@@ -276,3 +278,44 @@ def test_freeway_followers_no_longer_strike_the_ego() -> None:
     assert counts["recorded"].contacts_not_at_fault > 20
     assert counts["reactive"].contacts_not_at_fault < 8
     assert counts["reactive"].contacts_at_fault == counts["reactive"].off_road == 0
+
+
+def outcome(name: str, traffic: str) -> dict[str, object]:
+    """The counts of some episodes in a recording."""
+    config = EnvConfig(recording=name, traffic=traffic)
+    *_, report = stress(
+        config, [load_recording(name)], Shield.default(tier="auto"), ["always-change"], episodes=24, seed=3
+    )
+    return report.as_json()
+
+
+@pytest.mark.parametrize(("name", "as_said"), [("freeway", "recorded"), ("overtake-dense-test", "reactive")])
+def test_traffic_is_as_the_recording_says_unless_configured(name: str, as_said: str) -> None:
+    results = {traffic: outcome(name, traffic) for traffic in ("auto", "recorded", "reactive")}
+    assert results["auto"] == results[as_said]
+    assert results["recorded"] != results["reactive"]
+
+
+def test_of_several_recordings_each_says_it_of_its_own_traffic() -> None:
+    made = recording([Drive(4, 60.0, 30.0), Drive(3, 5.0, 0.0)])
+    reactive = replace(made, traffic=Traffic.REACTIVE)
+    config = EnvConfig(recording="by-hand", direction="left_to_right")
+    playbacks = [in_direction(playbacks_of([one], config.radar_range), config) for one in (made, reactive)]
+    both = World(config, playbacks, creeping(10.0, 4))
+    alone = [
+        World(config.model_copy(update={"traffic": traffic}), [playbacks[0]], creeping(10.0, 4))
+        for traffic in ("recorded", "reactive")
+    ]
+    seed = next(seed for seed in range(10_000) if begin(seed, made.frame_count) < 5)
+    both.reset([0, 1], [np.random.default_rng(seed), np.random.default_rng(seed)])
+    for one in alone:
+        one.reset([0], [np.random.default_rng(seed)])
+    behind = []
+    for _ in range(100):
+        result = both.step(np.zeros(2, dtype=np.int64))
+        for ego, one in enumerate(alone):
+            expected = one.step(KEEP).scenes
+            assert result.scenes.x[ego].tolist() == expected.x[0].tolist()
+            assert result.scenes.vx[ego].tolist() == expected.vx[0].tolist()
+        behind.append(result.scenes.x[:, 1:].copy())
+    assert (behind[-1][0] != behind[-1][1]).any()

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drlsl.driving import EnvConfig
 from drlsl.driving.scene import Action
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, Verdict, World, in_direction, playbacks_of
-from drlsl.driving.simulation.entry import Entries
+from drlsl.driving.simulation.entry import Entries, beginnings, track_length
+from drlsl.driving.simulation.playback import Film
 from drlsl.errors import UserError
-from drlsl.traffic import Direction, Recording
+from drlsl.traffic import Direction, Recording, load_recording
 from tests.driving.recordings import LANES, LENGTH, Drive, recording
 
 KEEP, LEFT, RIGHT = (np.array([action]) for action in Action)
@@ -130,6 +135,73 @@ def test_the_end_of_the_recording_is_not_the_end_of_the_episode(shield: Shield) 
     results = drive(one, [KEEP] * 400)
     assert results[-1].truncated[0]
     assert sum(result.entered[0] for result in results) > 2
+
+
+def test_an_episode_on_a_long_stretch_is_the_stretch_in_one_piece(shield: Shield) -> None:
+    """It ends before the stretch and, since it begins early enough, before the recording."""
+    drives = [Drive(3, 0.0, 25.0, begin=begin) for begin in range(0, 1900, 250)]
+    made = replace(recording(drives, frames=2000), x_max=1400.0)
+    one = world(shield, made)
+    lengths = set()
+    for seed in range(12):
+        results = drive(started(one, seed), [KEEP] * 2000)
+        assert not any(result.entered[0] for result in results)
+        assert results[-1].truncated[0]
+        assert results[-1].distance[0] >= 1400.0 - 140.0 - 4.6 / 2
+        assert results[-1].scenes.scene(0).ego.x + 4.6 / 2 <= 1400.0 + 2.0
+        lengths.add(one.frame_of(0))
+    assert len(lengths) > 6
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    length=st.floats(200.0, 5000.0),
+    frames=st.integers(1, 4000),
+    track=st.none() | st.floats(1.0, 6000.0),
+    speed=st.floats(0.0, 40.0),
+)
+def test_how_long_an_episode_is_and_where_it_may_begin(
+    length: float, frames: int, track: float | None, speed: float
+) -> None:
+    made = replace(recording([Drive(4, 100.0, speed)], frames=1), x_max=length)
+    config = EnvConfig(recording="by-hand", direction="left_to_right", track_length=track)
+    [playback] = in_direction(playbacks_of([made], config.radar_range), config)
+    playback = replace(playback, film=repeated(playback.film, frames))
+    metres, begins = track_length(playback, config), beginnings(playback, config)
+    assert metres == track or (track is None and metres >= 840.0)
+    assert 1 <= begins <= frames
+    if length < 980.0:
+        assert metres == (track or 840.0)
+        assert begins == frames
+    if begins < frames:
+        assert (frames - begins) * playback.road.time_step * max(speed, 1.0) >= metres - 1e-6
+
+
+def repeated(film: Film, frames: int) -> Film:
+    """The first frame of a film, again and again."""
+    return Film(
+        np.repeat(film.numbers[:, :1], frames, axis=1),
+        np.repeat(film.vehicle[:1], frames, axis=0),
+        np.repeat(film.lane[:1], frames, axis=0),
+        np.repeat(film.first[:1], frames, axis=0),
+        np.repeat(film.valid[:1], frames, axis=0),
+    )
+
+
+@pytest.mark.parametrize("name", ["overtake-train", "overtake-test", "overtake-dense-test"])
+def test_the_bundled_long_roads_are_driven_in_one_piece(shield: Shield, name: str) -> None:
+    config = EnvConfig(recording=name)
+    playbacks = in_direction(playbacks_of([load_recording(name)], config.radar_range), config)
+    one = World(config, [playbacks] * 16, Shield.default(tier="auto"))
+    one.reset(list(range(16)), [np.random.default_rng(seed) for seed in range(16)])
+    ended = np.zeros(16, dtype=np.bool_)
+    for _ in range(1200):
+        result = one.step(np.zeros(16, dtype=np.int64))
+        assert not (result.entered & ~ended).any()
+        ended |= result.terminated | result.truncated
+        if ended.all():
+            return
+    raise AssertionError("an episode of 1.3 km takes less than two minutes")
 
 
 def test_an_episode_is_a_function_of_its_seed(shield: Shield) -> None:

@@ -38,7 +38,7 @@ def fake_driving(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def make_vec(config: EnvConfig, num_envs: int, mode: AutoresetMode) -> FakeVector:
         assert mode is AutoresetMode.DISABLED
-        return fakes(num_envs, config.track_length)
+        return fakes(num_envs, config.track_length or 840.0)
 
     # Not setattr, which would first load the real environment only to remember it.
     monkeypatch.setitem(vars(driving), "make_vec", make_vec)

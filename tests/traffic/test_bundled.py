@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import lzma
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,16 +16,20 @@ from drlsl.traffic import (
     Direction,
     Recording,
     RecordingReport,
+    Traffic,
     VehicleClass,
     bundled_recordings,
     load_recording,
     recording_report,
+    simulate,
+    write_highd,
 )
 from drlsl.traffic.array_kinds import Mask
-from drlsl.traffic.generate import HARDEST_BRAKING
+from drlsl.traffic.simulated_drivers import HARDEST_BRAKING
 
 HIGHWAYS = ("highway-train", "highway-test")
-NAMES = (*HIGHWAYS, "freeway")
+OVERTAKES = ("overtake-train", "overtake-test", "overtake-dense-test")
+NAMES = (*HIGHWAYS, "freeway", *OVERTAKES)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +59,35 @@ def test_there_is_one_for_each_preset() -> None:
 
 def test_all_together_take_four_megabytes_at_most() -> None:
     assert sum(path.stat().st_size for path in BUNDLED.rglob("*") if path.is_file()) <= 4_000_000
+
+
+DIGESTS = {
+    "freeway": "d2f7165852846aa96a3d8546a04de5f35a2a8b1fe20066f5962e134aac3aaa1d",
+    "highway-test": "4c0b89d48ad778cb9b3af14e1faecc533d09e6ad5c98ec258e264db2014febeb",
+    "highway-train": "79bea190a005055e2c1dbd9d443f88049456453d84f7f1a340a2cdbfaf3ac83a",
+    "overtake-dense-test": "1bf444eb1e6f95057cdd51044fd146cc669ff5f6013bc692c493273b7e28050a",
+    "overtake-test": "00e914d0b8936426a4268e5014058c9d93605bcc90e83c2544a739814f32a766",
+    "overtake-train": "a95fe4703fc79d76caa19ef28a722bf0ca30a7fbc69ae67552ac7e7701d6f5bd",
+}
+"""SHA-256 of each recording's three files, unpacked: results with them can be compared between versions."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_rows_are_those_of_before(name: str) -> None:
+    digest = hashlib.sha256()
+    for path in sorted((BUNDLED / name).iterdir()):
+        digest.update(lzma.decompress(path.read_bytes()))
+    assert digest.hexdigest() == DIGESTS[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_the_presets_make_the_same_rows(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("libsumo", reason="needs the extra sumo")
+    preset = PRESETS[name]
+    made = write_highd(simulate(preset, seed=preset.seed, minutes=preset.minutes), tmp_path / name)
+    for path in made.iterdir():
+        assert path.read_bytes() == lzma.decompress((BUNDLED / name / f"{path.name}.xz").read_bytes())
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -92,6 +127,28 @@ def test_the_freeway_looks_like_us101(
     assert recording.lanes[0].speed_limit == pytest.approx(29.06)
     assert np.mean([lane.density_veh_per_km for lane in report.lanes]) > 25
     assert 6.0 < np.mean(recording.frames.vx[recording.frames.valid]) < 16.0
+
+
+@pytest.mark.parametrize("name", OVERTAKES)
+def test_an_overtake_road_is_long_and_has_slow_trucks_and_fast_cars(
+    recordings: Mapping[str, Recording], reports: Mapping[str, RecordingReport], name: str
+) -> None:
+    recording, report = recordings[name], reports[name]
+    assert recording.frame_rate == 10.0
+    assert [lane.direction.sign for lane in recording.lanes] == [1, 1, 1]
+    assert (recording.x_min, recording.x_max) == pytest.approx((0.0, 1400.0), abs=0.1)
+    flow = report.appearances / recording.duration * 3600
+    assert flow == pytest.approx(PRESETS[name].flow, rel=0.15)
+    assert report.trucks / report.vehicles == pytest.approx(0.22, abs=0.05)
+    left, _, right = (lane.speed_m_s for lane in report.lanes)
+    assert left is not None
+    assert right is not None
+    assert left.mean - right.mean > 8
+
+
+def test_only_the_overtake_roads_say_that_their_traffic_reacts(recordings: Mapping[str, Recording]) -> None:
+    reacts = {name for name, recording in recordings.items() if recording.traffic is Traffic.REACTIVE}
+    assert reacts == set(OVERTAKES)
 
 
 @pytest.mark.parametrize("name", HIGHWAYS)
@@ -164,8 +221,9 @@ def test_vehicles_vary_in_size(recordings: Mapping[str, Recording], name: str) -
 
 
 def test_train_and_test_are_different_traffic(recordings: Mapping[str, Recording]) -> None:
-    train, test = (recordings[name].frame(0) for name in HIGHWAYS)
-    assert sorted(train.x.tolist()) != sorted(test.x.tolist())
+    for names in (HIGHWAYS, OVERTAKES[:2]):
+        train, test = (recordings[name].frame(0) for name in names)
+        assert not set(train.x.tolist()) & set(test.x.tolist())
 
 
 def test_the_files_have_two_decimals_and_one_lane_numbering() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from drlsl.driving.config import TRACK_LENGTH, EnvConfig
 from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation.playback import Playback
@@ -28,6 +30,9 @@ PAUSE: Final = 0.5
 AHEAD: Final = 4
 """Frames of a search per query of the rules."""
 
+SLOW: Final = 10.0
+"""Percentage of the recorded speeds that are slower than the ego is expected to be."""
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -39,6 +44,42 @@ class Entry:
     speed: float
 
 
+def room_to_drive(playback: Playback, ego_length: float) -> float:
+    """Return the metres that an ego can drive from any entry to the end of the stretch."""
+    _, last = _zone(playback)
+    return playback.length - last - ego_length / 2
+
+
+def track_length(playback: Playback, config: EnvConfig) -> float:
+    """Return the length of an episode [m]: as configured, else the longer of the paper's and the stretch."""
+    if config.track_length is not None:
+        return config.track_length
+    return max(TRACK_LENGTH, room_to_drive(playback, config.ego_length))
+
+
+def beginnings(playback: Playback, config: EnvConfig) -> int:
+    """Return the number of frames, from the first on, in which an episode may begin.
+
+    Where the stretch holds the paper's episode in one piece, an episode that fits into it begins early enough
+    that an ego at the speed of slow traffic, the lowest tenth, reaches its end before the recording ends. A
+    recording that is too short for that, and every other one, is used from any frame.
+    """
+    room, track = room_to_drive(playback, config.ego_length), track_length(playback, config)
+    if room < TRACK_LENGTH or track > room:
+        return playback.frames
+    film = playback.film
+    own = film.valid & np.isin(film.lane, [lane.id for lane in playback.lanes])
+    pace = float(np.percentile(playback.sign * film.numbers[2][own], SLOW))
+    frames = playback.frames - math.ceil(track / (max(pace, 1.0) * playback.road.time_step))
+    return frames if frames > 0 else playback.frames
+
+
+def _zone(playback: Playback) -> tuple[float, float]:
+    """Return where the part of the stretch begins and ends in which the ego enters [m]."""
+    begin = min(OFFSET, playback.length / 4)
+    return begin, min(begin + ZONE, playback.length / 2)
+
+
 class Entries:
     """The places early in a playback's stretch, and the frames in which the rules call them safe to enter.
 
@@ -48,8 +89,7 @@ class Entries:
 
     def __init__(self, playback: Playback, shield: Shield, size: tuple[float, float]) -> None:
         """Prepare the search of entries for an ego of a `size`, length and width [m]."""
-        begin = min(OFFSET, playback.length / 4)
-        end = min(begin + ZONE, playback.length / 2)
+        begin, end = _zone(playback)
         along = begin + (np.arange(PLACES) + 0.5) * (end - begin) / PLACES
         count = len(playback.lanes) * PLACES
         self._playback = playback

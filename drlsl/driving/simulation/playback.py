@@ -12,7 +12,7 @@ from drlsl.driving.config import EnvConfig
 from drlsl.driving.scene import Road
 from drlsl.driving.simulation.fault import Track
 from drlsl.errors import UserError
-from drlsl.traffic import NUMBERS, Direction, Floats, Integers, Lane, Mask, Recording, load_recording
+from drlsl.traffic import NUMBERS, Direction, Floats, Integers, Lane, Mask, Recording, Traffic, load_recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +81,10 @@ class Film:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Playback:
-    """One direction of a recording's road: `lanes` are those of the direction."""
+    """One direction of a recording's road: `lanes` are those of the direction.
+
+    `traffic`: what the recording says that its vehicles do about an ego.
+    """
 
     film: Film
     road: Road
@@ -89,6 +92,7 @@ class Playback:
     lanes: tuple[Lane, ...]
     x_min: float
     x_max: float
+    traffic: Traffic = Traffic.RECORDED
 
     def __deepcopy__(self, memo: object) -> Self:
         """Return the playback itself: nothing in it changes."""
@@ -126,7 +130,15 @@ def playbacks_of(recordings: Iterable[Recording], radar_range: float) -> list[Pl
     for recording in recordings:
         film, road = Film.of(recording), road_of(recording, radar_range)
         result.extend(
-            Playback(film, road, direction, recording.lanes_of(direction), recording.x_min, recording.x_max)
+            Playback(
+                film,
+                road,
+                direction,
+                recording.lanes_of(direction),
+                recording.x_min,
+                recording.x_max,
+                recording.traffic,
+            )
             for direction in recording.directions
         )
     return result

@@ -67,13 +67,16 @@ class ReactiveTraffic:
         """Put all vehicles around an ego back on the record."""
         self.lag[ego] = 0.0
 
-    def advance(self, scenes: SceneBatch, courses: Courses, frame: Integers) -> None:
-        """Drive from `frame`, shape (N,), in which the egos are in `scenes`, to the next one."""
+    def advance(self, scenes: SceneBatch, courses: Courses, frame: Integers, reacts: Mask) -> None:
+        """Drive from `frame`, shape (N,), in which the egos are in `scenes`, to the next one.
+
+        Only around the egos that `reacts` (N,) marks.
+        """
         rows = courses.begin + np.minimum(frame, courses.frames - 1)
         later = courses.begin + np.minimum(frame + 1, courses.frames - 1)
         cars = _Cars.of(scenes, courses.sign[:, None], self._film.valid.take(rows, axis=0))
         moving = self.lag.ravel() > 0.0
-        rear, front = _followers(cars, self.lag > 0.0)
+        rear, front = _followers(cars, self.lag > 0.0, reacts)
         moving[rear] = True
         places = moving.nonzero()[0]
         if places.size:
@@ -150,8 +153,10 @@ class ReactiveTraffic:
         self.speed[ego, slot] = new
 
 
-def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
+def _followers(cars: _Cars, lagging: Mask, reacts: Mask) -> tuple[Integers, Integers]:
     """Return the followers that lag, or whose leader is an ego or lags, and those nearest leaders.
+
+    Egos that `reacts` (N,) does not mark count as nobody's leader.
 
     As places in the flattened scenes. Egos follow nobody.
     """
@@ -160,9 +165,9 @@ def _followers(cars: _Cars, lagging: Mask) -> tuple[Integers, Integers]:
     there, lags = (np.take_along_axis(array, order, axis=1) for array in (cars.there, lagging))
     y, reach = (np.take_along_axis(array, order, axis=1) for array in (cars.y, cars.width / 2))
     column, ego = np.arange(slots), order == 0
-    leads = lags | ego
+    leads = lags | (ego & reacts[:, None])
     # No other vehicle can be a follower.
-    last = slots - 1 - leads[:, ::-1].argmax(axis=1)
+    last = np.where(leads.any(axis=1), slots - 1 - leads[:, ::-1].argmax(axis=1), -1)
     waiting = there & ~ego & (lags | (column < last[:, None]))
     front = np.full(order.shape, -1)
     for ahead in range(1, min(_LOOKED_AT, slots - 1) + 1):

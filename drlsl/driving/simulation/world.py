@@ -15,7 +15,7 @@ from drlsl.driving.scene import EGO_ID, Action, Scene, SceneBatch, several_actio
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation.contacts import Contact, Surroundings, worst_contacts
 from drlsl.driving.simulation.egos import Egos
-from drlsl.driving.simulation.entry import Entries, Entry
+from drlsl.driving.simulation.entry import Entries, Entry, beginnings, track_length
 from drlsl.driving.simulation.fault import judge
 from drlsl.driving.simulation.measures import Measures, Meter
 from drlsl.driving.simulation.playback import Playback, Playbacks
@@ -23,7 +23,7 @@ from drlsl.driving.simulation.prediction import NOTHING_OFFERED, predicted_actio
 from drlsl.driving.simulation.reactive import ReactiveTraffic
 from drlsl.driving.simulation.reward import Driven, reward_terms
 from drlsl.driving.simulation.sensing import Sensing
-from drlsl.traffic import Floats, Integers, Mask
+from drlsl.traffic import Floats, Integers, Mask, Traffic
 
 MEMORY: Final = 12.0
 """Length of the tracks that are kept for judging contacts [s]."""
@@ -58,7 +58,7 @@ class StepResult:
 class World:
     """N egos that drive in recordings.
 
-    An ego's episode: enter in a safe gap, drive `track_length` metres, re-entering at the beginning of the
+    An ego's episode: enter in a safe gap, drive the length of the track, re-entering at the beginning of the
     stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, but
     does not enforce them: it also drives a lane change that is not offered. During a lane change, new lane
     changes are ignored. Between the end of its episode and its reset, an ego's state is undefined.
@@ -93,8 +93,12 @@ class World:
         self._largest = film.numbers[4:, :, 1:].max(axis=(1, 2), initial=0.0)
         self._egos = Egos(self.count, size, memory)
         self._courses = self.playbacks.courses.take(self._egos.at.playback)
-        reactive = config.traffic == "reactive"
-        self._reactive = ReactiveTraffic(film, self.count, memory) if reactive else None
+        self._tracks = np.array([track_length(one, config) for one in self.playbacks.all])
+        self._beginnings = [beginnings(one, config) for one in self.playbacks.all]
+        self._reacts = np.array(
+            [Traffic.REACTIVE is _traffic(one, config) for one in self.playbacks.all], dtype=np.bool_
+        )
+        self._reactive = ReactiveTraffic(film, self.count, memory) if self._reacts.any() else None
         self._sensing = (
             Sensing(config.sensing, self.playbacks, config.radar_range, self.count)
             if config.sensing.faulty
@@ -198,7 +202,7 @@ class World:
         playing = ~at.ended
         changed = egos.steer(actions, decisions.lane_to_keep, self._courses)
         if self._reactive is not None and self._scenes is not None:
-            self._reactive.advance(self._scenes, self._courses, at.frame)
+            self._reactive.advance(self._scenes, self._courses, at.frame, self._reacts.take(at.playback))
         egos.drive(decisions.target_speed, self._courses)
         over = at.frame >= self._courses.frames
         around = self._look()
@@ -208,7 +212,8 @@ class World:
             touched[list(contacts)] = True
         off_road = egos.off_road(self._courses) & playing
         terminated = touched | off_road
-        truncated = (at.distance >= self.config.track_length) & playing & ~terminated
+        tracks = self._tracks.take(at.playback)
+        truncated = (at.distance >= tracks) & playing & ~terminated
         at.ended |= terminated | truncated
         speed, distance = at.speed.copy(), at.distance.copy()
         rewards = reward_terms(
@@ -219,7 +224,7 @@ class World:
                 speed=speed,
                 contact=touched,
                 off_road=off_road,
-                progress=distance / self.config.track_length,
+                progress=distance / tracks,
                 limit=self._courses.limit,
                 dt=self._courses.dt,
                 motion=partial(egos.past.motion, self._courses.dt),
@@ -297,7 +302,7 @@ class World:
             at.ended[ego], at.distance[ego] = False, 0.0
             if self._meter is not None:
                 self._meter.begin(ego)
-            frame = int(rng.integers(self.playback_of(ego).frames))
+            frame = int(rng.integers(self._beginnings[at.playback[ego]]))
             self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
         self._courses = self.playbacks.courses.take(at.playback)
 
@@ -408,3 +413,8 @@ class World:
             frame, rng = self.frame_of(ego) % playback.frames, self.rngs[ego]
             self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame, lane=lane))
         return entered
+
+
+def _traffic(playback: Playback, config: EnvConfig) -> Traffic:
+    """Return what the vehicles of a playback do about an ego: as configured, else as the recording says."""
+    return playback.traffic if config.traffic == "auto" else Traffic(config.traffic)
