@@ -187,7 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--recording", nargs="+", default=["highway-train"])
     parser.add_argument("--rules", nargs="+", default=[])
     parser.add_argument("--policy", default="random", help=f"{', '.join(POLICIES)}, or a run folder")
-    parser.add_argument("--traffic", choices=["recorded", "reactive"], default="recorded")
+    parser.add_argument("--traffic", choices=["auto", "recorded", "reactive"], default="auto")
     parser.add_argument("--episodes", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args(arguments)

@@ -39,6 +39,8 @@ metre in one step. The tracks of highD are smoothed too.
 LONGEST = 120.0
 """Most minutes made at once; a longer recording would not fit in memory."""
 
+NOBODY = "no vehicle was on the stretch: ask for more minutes or more flow"
+
 
 def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
     """Simulate a road and record the stretch in its middle.
@@ -47,7 +49,7 @@ def simulate(preset: Preset, *, seed: int, minutes: float) -> HighdContent:
     is wholly within the stretch. Velocities are differences of successive positions.
 
     Raises:
-        UserError: SUMO is not installed or the minutes are out of range.
+        UserError: SUMO is not installed, the minutes are out of range, or no vehicle comes in them.
     """
     if not 0 < minutes <= LONGEST:
         raise UserError(f"a recording needs more than 0 and at most {LONGEST:g} minutes, not {minutes:g}")
@@ -122,7 +124,9 @@ def _seen(vehicles: Any, preset: Preset, frame: int) -> Iterator[tuple[float, ..
 
 def _as_tracks(rows: list[tuple[float, ...]], preset: Preset, trucks: frozenset[int]) -> HighdContent:
     """Return tracks in the picture's coordinates, within the stretch, vehicles numbered by appearance."""
-    table = np.array(rows).reshape(-1, 7)
+    if not rows:
+        raise UserError(NOBODY)
+    table = np.array(rows)
     table = table[np.lexsort((table[:, 0], table[:, 2]))]
     frame, number, vehicle, front, side, length, width = table.T
     sign = np.array([direction.sign for direction in preset.directions])[number.astype(int)]
@@ -133,6 +137,8 @@ def _as_tracks(rows: list[tuple[float, ...]], preset: Preset, trucks: frozenset[
     vx, vy = (_differences(values, vehicle) * preset.frame_rate for values in (x, y))
     ax, ay = (_differences(values, vehicle) * preset.frame_rate for values in (vx, vy))
     inside = (front - length >= 0) & (front <= preset.stretch) & np.isfinite(ax)
+    if not inside.any():
+        raise UserError(NOBODY)
     tracks = Tracks(x, y, vx, vy, length, width, frame.astype(np.int64), vehicle.astype(np.int64)).take(
         inside
     )
