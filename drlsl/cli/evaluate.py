@@ -1,4 +1,4 @@
-"""`drlsl eval`: judge a trained policy, with the shield and without it."""
+"""`drlsl eval`: judge a trained policy or another driver, with the shield and without it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import Direction
+from drlsl.cli.options import Direction, given_settings
+from drlsl.errors import UserError
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from drlsl.driving.drivers import Driver
     from drlsl.learning import RunFolder, ShieldState, VectorHighway
 
 ROWS: Sequence[tuple[str, str, str]] = (
@@ -33,8 +35,27 @@ ROWS: Sequence[tuple[str, str, str]] = (
 """Label, key in the totals and format of each row of the table."""
 
 
+Who = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN|DRIVER",
+        help="Run folder that `drlsl train` made; or a driver: keep, always-change, mobil, FILE.py:NAME, "
+        "PACKAGE.MODULE:NAME, or a model that Stable-Baselines3 saved (.zip).",
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Any other setting of env, such as env.traffic=reactive, or of the driver, such as "
+        "driver.politeness=0.2; may be repeated.",
+    ),
+]
+
+
 def evaluate(
-    run: Annotated[Path, typer.Argument(help="Run folder that `drlsl train` made.")],
+    who: Who,
     episodes: Annotated[
         int | None, typer.Option(min=1, help="Episodes; default: evaluation.episodes of the run.")
     ] = None,
@@ -59,39 +80,80 @@ def evaluate(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the episodes; default: that of the run.")
     ] = None,
+    settings: Settings = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the result here too, as JSON.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Drive greedily with a trained policy and count what happens.
+    """Drive with a trained policy, or another driver, and count what happens.
 
     The same episodes are driven with the shield on and off. An intervention is a step in which the rules did
-    not derive the action of highest value to be safe. The result is also kept in the run's evaluation.json.
+    not derive the preferred action to be safe. The result for a run is also kept in its evaluation.json. A
+    driver without a run drives where `drlsl train` does by default.
     """
     from rich.console import Console
 
-    from drlsl.learning import RunFolder, make_config, make_evaluation_env, merged
+    from drlsl.files import write_atomic
+    from drlsl.learning import (
+        EVALUATION_KEY,
+        RunFolder,
+        load_driver,
+        make_config,
+        make_evaluation_env,
+        merged,
+        preset_values,
+    )
 
-    folder = RunFolder.open(run)
     flags = {
-        "recording": recording,
-        "direction": direction,
-        "rules": [str(path) for path in rules] if rules else None,
-        "track_length": track_length,
+        "env.recording": recording,
+        "env.direction": direction,
+        "env.rules": [str(path) for path in rules] if rules else None,
+        "env.track_length": track_length,
     }
-    given = {"env": {key: value for key, value in flags.items() if value is not None}}
-    config = make_config(merged(folder.config.model_dump(), given), "command line")
-    records = evaluate_run(
-        folder,
-        make_evaluation_env(config.env),
+    given = given_settings(settings or [], flags, "env.traffic=reactive")
+    arguments = given.pop("driver", {})
+    if given.keys() - {"env"} or not isinstance(arguments, Mapping):
+        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
+    folder = None if _is_driver(who) else RunFolder.open(Path(who))
+    base = folder.config.model_dump() if folder is not None else preset_values("quick")
+    config = make_config(merged(base, given), "command line")
+    env = make_evaluation_env(config.env)
+    records = judge(
+        load_driver(who, env, arguments),
+        env,
         shields=("on", "off") if shield == "both" else (shield,),
         episodes=episodes or config.evaluation.episodes,
         seed=config.seed if seed is None else seed,
         env_config=config.env.model_dump(mode="json"),
         console=Console(stderr=True),
     )
+    if folder is not None:
+        folder.save_evaluations(records, EVALUATION_KEY)
+    result = {"driver" if folder is None else "run": who, "evaluations": records}
+    text = json.dumps(result, indent=1, allow_nan=False)
+    if out is not None:
+        write_atomic(out, f"{text}\n".encode())
     if as_json:
-        typer.echo(json.dumps({"run": str(run), "evaluations": records}, indent=1, allow_nan=False))
+        typer.echo(text)
     else:
         Console().print(evaluation_table(records))
+
+
+def _is_driver(who: str) -> bool:
+    """Return whether a name means a driver, and not a run folder.
+
+    Raises:
+        UserError: it means neither.
+    """
+    from drlsl.driving.drivers import DRIVERS, is_driver
+
+    if is_driver(who) or who.endswith(".zip"):
+        return True
+    if not Path(who).exists():
+        known = ", ".join(DRIVERS)
+        raise UserError(f"{who}: expected a run folder, {known}, FILE.py:NAME, MODULE:NAME or MODEL.zip")
+    return False
 
 
 def evaluate_run(
@@ -102,22 +164,44 @@ def evaluate_run(
     episodes: int,
     seed: int,
     console: Console,
-    env_config: Mapping[str, Any] | None = None,
 ) -> list[dict[str, Any]]:
     """Evaluate a run's policy in `env`, show progress on a terminal, keep the result in the run folder."""
+    from drlsl.learning import EVALUATION_KEY, load_policy
+
+    records = judge(
+        load_policy(folder, env),
+        env,
+        shields=shields,
+        episodes=episodes,
+        seed=seed,
+        env_config=folder.config.env.model_dump(mode="json"),
+        console=console,
+    )
+    folder.save_evaluations(records, EVALUATION_KEY)
+    return records
+
+
+def judge(
+    driver: Driver,
+    env: VectorHighway,
+    *,
+    shields: Sequence[ShieldState],
+    episodes: int,
+    seed: int,
+    env_config: Mapping[str, Any],
+    console: Console,
+) -> list[dict[str, Any]]:
+    """Drive episodes and return a record for each state of the shield; show progress on a terminal."""
     from rich.progress import Progress
 
-    from drlsl.learning import EVALUATION_KEY, as_record, drive, load_policy
+    from drlsl.learning import as_record, drive
 
-    place = env_config or folder.config.env.model_dump(mode="json")
-    policy = load_policy(folder, env)
     records = []
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         for shield in shields:
-            drives = drive(env, policy, shield=shield, episodes=episodes, seed=seed)
+            drives = drive(env, driver, shield=shield, episodes=episodes, seed=seed)
             shown = progress.track(drives, total=episodes, description=f"shield {shield}")
-            records.append(as_record(list(shown), env=place, shield=shield, seed=seed))
-    folder.save_evaluations(records, EVALUATION_KEY)
+            records.append(as_record(list(shown), env=env_config, shield=shield, seed=seed))
     return records
 
 

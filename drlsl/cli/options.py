@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 
@@ -29,3 +30,28 @@ def check_new(folder: Path | None) -> None:
     """
     if folder is not None and folder.exists():
         raise UserError(f"{folder} exists; name a new folder for the scenes")
+
+
+def given_settings(settings: list[str], flags: Mapping[str, object], example: str) -> dict[str, Any]:
+    """Return the nested values of --set KEY=VALUE and of the flags that were given, by dotted keys.
+
+    Raises:
+        UserError: a --set is not of the form of the `example`.
+    """
+    import yaml
+
+    from drlsl.learning import with_value
+
+    values: dict[str, Any] = {}
+    for text in settings:
+        key, sign, value = text.partition("=")
+        if not (sign and key):
+            raise UserError(f"--set {text}: expected KEY=VALUE, such as {example}")
+        try:
+            values = with_value(values, key.strip(), yaml.safe_load(value))
+        except yaml.YAMLError as error:
+            raise UserError(f"--set {text}: the value is not valid YAML") from error
+    for key, given in flags.items():
+        if given is not None:
+            values = with_value(values, key, given)
+    return values

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import Direction, Rules
+from drlsl.cli.options import Direction, Rules, given_settings
 from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.errors import UserError
 
@@ -106,7 +106,7 @@ def train(
         "threads": threads,
         "checkpoint_every": checkpoint_every,
     }
-    given = _given_settings(settings or [], flags)
+    given = given_settings(settings or [], flags, "learning.discount=0.9")
     if resume:
         session = _resume(out, given, others=bool(force or config or preset or print_config))
     else:
@@ -119,27 +119,6 @@ def train(
         session = _start(out, chosen, force)
     with session:
         _train(session)
-
-
-def _given_settings(settings: list[str], flags: Mapping[str, object]) -> dict[str, Any]:
-    """Return the nested values of --set and of the flags that were given."""
-    import yaml
-
-    from drlsl.learning import with_value
-
-    values: dict[str, Any] = {}
-    for text in settings:
-        key, sign, value = text.partition("=")
-        if not (sign and key):
-            raise UserError(f"--set {text}: expected KEY=VALUE, such as learning.discount=0.9")
-        try:
-            values = with_value(values, key.strip(), yaml.safe_load(value))
-        except yaml.YAMLError as error:
-            raise UserError(f"--set {text}: the value is not valid YAML") from error
-    for key, given in flags.items():
-        if given is not None:
-            values = with_value(values, key, given)
-    return values
 
 
 def _effective_config(preset: str | None, file: Path | None, given: Mapping[str, Any]) -> TrainConfig:

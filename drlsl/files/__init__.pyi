@@ -2,6 +2,7 @@ from .lock import FolderLock
 from .plain_text import parse_json, printable, read_text, to_json
 from .problems import problem_text
 from .seal import DamagedError, check_text, open_archive, open_values, seal_archive, seal_text, seal_values
+from .user_code import find_object, refuse_while_loading, users_code
 from .whole_file import write_atomic, written_whole
 from .yaml_file import Location, YamlFile, parse_yaml, read_yaml, shown, to_yaml
 
@@ -11,6 +12,7 @@ __all__ = [
     "Location",
     "YamlFile",
     "check_text",
+    "find_object",
     "open_archive",
     "open_values",
     "parse_json",
@@ -19,12 +21,14 @@ __all__ = [
     "problem_text",
     "read_text",
     "read_yaml",
+    "refuse_while_loading",
     "seal_archive",
     "seal_text",
     "seal_values",
     "shown",
     "to_json",
     "to_yaml",
+    "users_code",
     "write_atomic",
     "written_whole",
 ]

@@ -1,3 +1,4 @@
+from .any_driver import load_driver
 from .checkpoint import Kind, load_state
 from .config import (
     EXAMPLE,
@@ -42,6 +43,7 @@ __all__ = [
     "dump_yaml",
     "factory_file",
     "greedy_choice",
+    "load_driver",
     "load_policy",
     "load_state",
     "make_config",

@@ -8,17 +8,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from drlsl.driving.drivers import Choice, most_wanted
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig
-from drlsl.learning.divergence import DivergedError
+from drlsl.learning.divergence import DivergedError, check_values
 from drlsl.learning.network import Policy, make_networks
 from drlsl.learning.replay import Batch
-
-
-class Choice(NamedTuple):
-    """Actions chosen for N environments, and those of highest value had all been offered. Shapes: (N,)."""
-
-    actions: NDArray[np.int64]
-    preferred: NDArray[np.int64]
 
 
 def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Choice:
@@ -28,11 +22,8 @@ def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Ch
         ValueError: no action is offered.
         DivergedError: a value is not finite.
     """
-    if not offered.any(axis=1).all():
-        raise ValueError("no action is offered")
-    if not np.isfinite(values).all():
-        raise DivergedError(f"the Q-values are {values.tolist()}")
-    return Choice(np.where(offered, values, -np.inf).argmax(axis=1), values.argmax(axis=1))
+    check_values(values)
+    return most_wanted(values, offered)
 
 
 def td_targets(

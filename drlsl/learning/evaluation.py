@@ -9,10 +9,9 @@ from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
 from drlsl.driving import EnvConfig
-from drlsl.learning.dqn import greedy_choice
+from drlsl.driving.drivers import Driver, most_wanted
 from drlsl.learning.episode import EVALUATION_STREAM, EpisodeSummary, all_actions, rule_safe_actions
 from drlsl.learning.fleet import Fleet, VectorHighway
-from drlsl.learning.network import Policy
 from drlsl.learning.totals import totals
 
 ShieldState = Literal["on", "off"]
@@ -32,25 +31,26 @@ def make_evaluation_env(config: EnvConfig) -> VectorHighway:
 
 
 def drive(
-    env: VectorHighway, policy: Policy, *, shield: ShieldState, episodes: int, seed: int
+    env: VectorHighway, driver: Driver, *, shield: ShieldState, episodes: int, seed: int
 ) -> Iterator[EpisodeSummary]:
-    """Drive greedily, one summary per episode; the same seed gives the same episodes, shield on or off.
+    """Drive, one summary per episode; the same seed gives the same episodes, shield on or off.
 
-    The action of highest value is taken: with the shield on, among those the rules derive to be safe.
+    The action that the driver wants most is taken: with the shield on, among those the rules derive to be
+    safe.
 
     Raises:
-        DivergedError: a Q-value is not finite.
+        DivergedError: a Q-value of a policy is not finite.
         ValueError: the environment gave an observation that is not finite, or offered no action.
     """
     offer = rule_safe_actions if shield == "on" else all_actions
-    fleet = Fleet(env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM, window=policy.window)
+    fleet = Fleet(env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM, window=driver.window)
     everyone = np.arange(env.num_envs)
     ahead: dict[int, EpisodeSummary] = {}
     following = 1
     while following <= episodes:
         fleet.begin()
         offered = offer(fleet.safe)
-        choice = greedy_choice(policy.values(fleet.observations), offered)
+        choice = most_wanted(driver.preferences(fleet.situations(offered)), offered)
         intervened = ~fleet.safe[everyone, choice.preferred]
         for ended in fleet.count(fleet.step(choice.actions), offered, intervened, ()):
             ahead[ended.episode] = ended.summary

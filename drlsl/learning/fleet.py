@@ -9,6 +9,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from drlsl.driving.drivers import Situations
+from drlsl.driving.scene import SceneBatch
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import as_arrays, as_tensors
 from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, EpisodeTally, episode_seed
@@ -42,6 +44,9 @@ class VectorHighway(Protocol):
 
     def action_masks(self) -> Mask:
         """Return the actions that the rules derive to be safe now. Shape: (N, A)."""
+
+    def scenes(self) -> SceneBatch:
+        """Return the scenes that the rules see now."""
 
 
 class Outcome(NamedTuple):
@@ -137,6 +142,10 @@ class Fleet:
     def done(self) -> set[int]:
         """Return the numbers of the episodes that are over."""
         return set(range(1, self._begun + 1)) - set(self._numbers[self._counted].tolist())
+
+    def situations(self, offered: Mask) -> Situations:
+        """Return what the agents see, of whose actions those are `offered`. Shape: (N, A)."""
+        return Situations(self.observations, offered, self._env.scenes())
 
     def rows(self) -> slice | NDArray[np.int64]:
         """Return the environments that are in an episode."""

@@ -8,8 +8,8 @@ import torch
 from torch import nn
 
 from drlsl.errors import UserError
+from drlsl.files import users_code
 from drlsl.learning.adam import ModuleAdam
-from drlsl.learning.network_factory import users_code
 
 ROWS: Final = (1, 3)
 """Number of observations that a module is tested with before training."""

@@ -12,11 +12,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from drlsl.driving.drivers import Situations
 from drlsl.errors import UserError
 from drlsl.learning import architectures
 from drlsl.learning.adam import Adam, Optimiser
 from drlsl.learning.architectures import SPREAD
 from drlsl.learning.config import NetworkConfig
+from drlsl.learning.divergence import check_values
 from drlsl.learning.module_network import ModuleNetwork, RandomStream, checked_module
 from drlsl.learning.network_factory import call_factory
 
@@ -337,3 +339,14 @@ class Policy:
         values = self._network.values(torch.from_numpy(observations).to(self._device))
         result: NDArray[np.float32] = values.cpu().numpy()
         return result
+
+    def preferences(self, situations: Situations) -> NDArray[np.float32]:
+        """Return the Q-values of what is seen, as a driver.
+
+        Raises:
+            DivergedError: one is not finite.
+            ValueError: an observation is not finite.
+        """
+        values = self.values(situations.observations)
+        check_values(values)
+        return values

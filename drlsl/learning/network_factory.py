@@ -1,42 +1,17 @@
 """A user's own function that makes a Q-network: naming, finding and calling it."""
 
-import importlib
-import importlib.util
 import inspect
 import sys
-import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
-from typing import Any, Final
+from typing import Any
 
 from drlsl.errors import UserError
+from drlsl.files import find_object, users_code
 from drlsl.learning.config import NetworkConfig
 
 Factory = Callable[..., Any]
 """Makes a torch.nn.Module from the numbers of observed values and of actions, and keyword arguments."""
-
-_LOADING: Final[ContextVar[str]] = ContextVar("loading", default="")
-"""The factory whose file is being run."""
-
-_PACKAGE: Final = Path(__file__).parents[1]
-
-
-@contextmanager
-def users_code(what: str) -> Iterator[None]:
-    """Report an exception of a user's code in one line: the error, and its place in that code.
-
-    Raises:
-        UserError: the code raised an exception.
-    """
-    try:
-        yield
-    except UserError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise UserError(f"{what}: {_described(error)}") from error
 
 
 def find_factory(name: str) -> Factory:
@@ -45,18 +20,8 @@ def find_factory(name: str) -> Factory:
     Raises:
         UserError: there is no such file, module or function, or the file cannot be run.
     """
-    place, _, attribute = name.rpartition(":")
     what = f"network.factory {name}"
-    found = _of_main(place)
-    if found is None:
-        token = _LOADING.set(what)
-        try:
-            found = _from_file(Path(place), what) if place.endswith(".py") else _from_module(place, what)
-        finally:
-            _LOADING.reset(token)
-    factory = getattr(found, attribute, None)
-    if factory is None:
-        raise UserError(f"{what}: {place} has no '{attribute}'")
+    factory = find_object(name, what)
     if not (inspect.isfunction(factory) or inspect.isclass(factory)):
         raise UserError(f"{what}: expected a function or a class, found a {type(factory).__name__}")
     made: Factory = factory
@@ -108,78 +73,3 @@ def factory_name(factory: Factory) -> str:
     path = Path(file).resolve()
     here = Path.cwd()
     return f"{path.relative_to(here) if path.is_relative_to(here) else path}:{name}"
-
-
-def refuse_while_loading() -> None:
-    """Refuse to train while a network's file is being run to find its function.
-
-    Raises:
-        UserError: a network's file is being run.
-    """
-    if _LOADING.get():
-        raise UserError(
-            f"{_LOADING.get()}: its file starts a training when it is imported; put that below "
-            "`if __name__ == '__main__':`"
-        )
-
-
-def _of_main(place: str) -> ModuleType | None:
-    """Return the script that is running, if it is the wanted file or module, so that it is not run again."""
-    main = sys.modules["__main__"]
-    spec = getattr(main, "__spec__", None)
-    if spec is not None and spec.name == place:
-        return main
-    file = getattr(main, "__file__", None)
-    same = file is not None and place.endswith(".py") and Path(file).resolve() == Path(place).resolve()
-    return main if same else None
-
-
-def _from_file(path: Path, what: str) -> ModuleType:
-    if not path.is_file():
-        raise UserError(f"{what}: no file {path} in {Path.cwd()}")
-    spec = importlib.util.spec_from_file_location(f"drlsl_network_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # As for any import: a data class, for one, looks its module up while it is being run.
-    sys.modules[spec.name] = module
-    with users_code(f"{what}: cannot run the file"), _importable(path.parent):
-        spec.loader.exec_module(module)
-    return module
-
-
-def _from_module(name: str, what: str) -> ModuleType:
-    with users_code(f"{what}: cannot import the module"), _importable(Path.cwd()):
-        return importlib.import_module(name)
-
-
-@contextmanager
-def _importable(folder: Path) -> Iterator[None]:
-    """Let modules in a folder be imported, after those that are installed."""
-    entry = str(folder.resolve())
-    if entry in sys.path:
-        yield
-        return
-    sys.path.append(entry)
-    try:
-        yield
-    finally:
-        sys.path.remove(entry)
-
-
-def _described(error: BaseException) -> str:
-    """Return the type of an error, the first line of its message, and its last place outside of libraries."""
-    lines = str(error).splitlines()
-    text = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
-    if isinstance(error, SyntaxError):
-        return text
-    frames = traceback.extract_tb(error.__traceback__)
-    places = [
-        f" ({Path(frame.filename).name}:{frame.lineno})"
-        for frame in frames
-        if Path(frame.filename).is_file()
-        and "site-packages" not in frame.filename
-        and not Path(frame.filename).is_relative_to(_PACKAGE)
-        and not Path(frame.filename).is_relative_to(Path(inspect.__file__).parent)
-    ]
-    return text + (places[-1] if places else "")

@@ -9,13 +9,13 @@ from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
 from drlsl.errors import UserError
-from drlsl.files import FolderLock
+from drlsl.files import FolderLock, refuse_while_loading
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.config import NetworkConfig, TrainConfig, make_config, merged, preset_values
 from drlsl.learning.figures import write_training_figures
 from drlsl.learning.fleet import VectorHighway
 from drlsl.learning.network import Policy
-from drlsl.learning.network_factory import Factory, factory_name, refuse_while_loading
+from drlsl.learning.network_factory import Factory, factory_name
 from drlsl.learning.rundir import RunFolder
 from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
 
@@ -185,7 +185,7 @@ def train(
     Raises:
         UserError: a setting, the network or the environment cannot be used, or the folder is occupied.
     """
-    refuse_while_loading()
+    refuse_while_loading("a training")
     values = merged(merged(preset_values(preset), settings), {"network": _plain_settings(network)})
     with Session.start(Path(out), make_config(values, "train()"), force=force) as session:
         for _ in session.run():

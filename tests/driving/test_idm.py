@@ -15,7 +15,7 @@ SPEED = st.floats(0.0, 40.0)
 
 
 def acceleration(gap: float, speed: float, leader: float) -> float:
-    return float(idm.acceleration(np.array([gap]), np.array([speed]), np.array([leader]))[0])
+    return float(idm.idm_acceleration(np.array([gap]), np.array([speed]), np.array([leader]))[0])
 
 
 @given(SPEED, st.floats(0.0, 8.0), st.sampled_from([0.04, 0.1]), st.floats(0.0, 20.0), st.floats(0.0, 1.0))
@@ -27,7 +27,7 @@ def test_who_follows_safely_never_runs_into_a_leader_that_brakes(
     step = np.array([dt])
     own, leader = np.array([speed]), np.array([speed])
     for index in range(round(15 / dt)):
-        asked = idm.acceleration(np.array([gap]), own, leader)
+        asked = idm.idm_acceleration(np.array([gap]), own, leader)
         pressed = braking if index * dt < release * 15 else -1.0
         ahead, leader = move_forward(leader, np.array([-pressed]), step)
         way, own = move_forward(own, asked, step)

@@ -1,5 +1,7 @@
 """Fixtures of the learner's tests."""
 
+from typing import Any
+
 import pytest
 from gymnasium.vector import AutoresetMode
 
@@ -36,7 +38,7 @@ def small_config() -> TrainConfig:
 def fake_driving(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let configurations make the fake environment."""
 
-    def make_vec(config: EnvConfig, num_envs: int, mode: AutoresetMode) -> FakeVector:
+    def make_vec(config: EnvConfig, num_envs: int, mode: AutoresetMode, **_: Any) -> FakeVector:
         assert mode is AutoresetMode.DISABLED
         return fakes(num_envs, config.track_length or 840.0)
 

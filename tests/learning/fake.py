@@ -8,9 +8,13 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
+from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
+from tests.scenes import road
+
 LANES = 3
 SPEED = 25.0
 SIGHT = 60.0
+EMPTY = Scene(road(0, LANES), Vehicle(EGO, 2, 0.0, 7.25, SPEED, 0.0, 4.6, 1.9), (), 2)
 
 
 class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
@@ -121,6 +125,10 @@ class FakeVector(SyncVectorEnv):
 
     def action_masks(self) -> NDArray[np.bool_]:
         return np.array([env.action_masks() for env in self._inner()])
+
+    def scenes(self) -> SceneBatch:
+        """A road without vehicles: the drivers of these tests do not look at it."""
+        return SceneBatch.of([EMPTY] * self.num_envs)
 
     def _inner(self) -> list[Any]:
         return [env.unwrapped for env in self.envs]

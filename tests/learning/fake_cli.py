@@ -18,7 +18,7 @@ class SlowHighway(FakeHighway):
 
 
 if __name__ == "__main__":
-    vars(driving)["make_vec"] = lambda config, num_envs, mode: FakeVector(
+    vars(driving)["make_vec"] = lambda config, num_envs, mode, **_: FakeVector(
         SlowHighway(config.track_length), *(FakeHighway(config.track_length) for _ in range(num_envs - 1))
     )
     sys.exit(run(sys.argv[1:]))

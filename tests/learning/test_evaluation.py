@@ -4,6 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drlsl.driving.drivers import Situations
 from drlsl.driving.simulation import EpisodeMeasures
 from drlsl.learning import ShieldState, as_record, drive
 from drlsl.learning.episode import EVALUATION_STREAM, TRAINING_STREAM, EpisodeSummary, episode_seed
@@ -32,13 +33,12 @@ class Fixed:
     def __init__(self, *values: float) -> None:
         self._values = np.array(values, np.float32)
 
-    def values(self, observations: np.ndarray) -> np.ndarray:
-        return np.tile(self._values, (len(observations), 1))
+    def preferences(self, situations: Situations) -> np.ndarray:
+        return np.tile(self._values, (len(situations.offered), 1))
 
 
 def driven(*values: float, shield: ShieldState, seed: int = 0, episodes: int = 30) -> list[EpisodeSummary]:
-    policy: Any = Fixed(*values)
-    return list(drive(fakes(4), policy, shield=shield, episodes=episodes, seed=seed))
+    return list(drive(fakes(4), Fixed(*values), shield=shield, episodes=episodes, seed=seed))
 
 
 def test_without_the_shield_the_best_action_of_all_is_taken() -> None:
@@ -82,7 +82,7 @@ def test_more_episodes_begin_with_the_same_ones() -> None:
 
 
 def test_episodes_come_in_order_however_many_are_driven_side_by_side() -> None:
-    policy: Any = Fixed(0, 0, 1)
+    policy = Fixed(0, 0, 1)
     alone, together = (
         list(drive(fakes(count), policy, shield="on", episodes=11, seed=5)) for count in (1, 7)
     )

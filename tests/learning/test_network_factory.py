@@ -198,7 +198,7 @@ from drlsl.learning.session import load_policy
 from drlsl.learning.rundir import RunFolder
 from tests.learning.fake import fakes
 
-vars(driving)["make_vec"] = lambda config, num_envs, mode: fakes(num_envs, config.track_length or 840.0)
+vars(driving)["make_vec"] = lambda config, num_envs, mode, **_: fakes(num_envs, config.track_length or 840.0)
 
 def mine(size, actions):
     return nn.Linear(size, actions)

@@ -189,7 +189,7 @@ def test_an_environment_that_cannot_be_made_leaves_no_folder(
 ) -> None:
     from drlsl import driving
 
-    def fail(*arguments: object) -> None:
+    def fail(*arguments: object, **_: object) -> None:
         raise UserError("no such recording")
 
     monkeypatch.setitem(vars(driving), "make_vec", fail)

@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.envs.single import observation_box
-from drlsl.driving.scene import Action
+from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation import (
     Playback,
@@ -146,6 +146,10 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
     def action_masks(self) -> Mask:
         """Return the masks of the actions that the rules offer now, shape (N, 3)."""
         return self._latest().action_mask
+
+    def scenes(self) -> SceneBatch:
+        """Return the scenes that the rules see now."""
+        return self.world.seen
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of every environment between two steps, in arrays and plain types."""

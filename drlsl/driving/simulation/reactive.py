@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.driving.scene import BRAKING_LIMIT, SceneBatch
-from drlsl.driving.simulation import idm
 from drlsl.driving.simulation.fault import Track
+from drlsl.driving.simulation.idm import COMFORTABLE_BRAKING, free_acceleration, idm_acceleration
 from drlsl.driving.simulation.playback import Courses, Film
 from drlsl.traffic import Floats, Integers, Mask
 
@@ -140,10 +140,10 @@ class ReactiveTraffic:
         recorded_way = sign * (film.numbers[0, next_row, slot] - film.numbers[0, row, slot])
         recorded_speed = np.maximum(sign * film.numbers[2, next_row, slot], 0.0)
         lag, speed = self.lag[ego, slot], speeds[ego, slot]
-        wanted = np.minimum(demand, idm.free_acceleration(speed))
+        wanted = np.minimum(demand, free_acceleration(speed))
         leaves = (lag > 0.0) | (wanted < np.minimum(0.0, (recorded_speed - speed) / dt))
         # Catch up so that comfortable braking leads to the recorded place at the recorded speed.
-        fastest = recorded_speed + np.sqrt(2 * idm.COMFORTABLE_BRAKING * lag)
+        fastest = recorded_speed + np.sqrt(2 * COMFORTABLE_BRAKING * lag)
         new = np.maximum(np.minimum(speed + wanted * dt, fastest), speed - BRAKING_LIMIT * dt)
         new = np.maximum(new, 0.0)
         behind = lag + recorded_way - (speed + new) / 2 * dt
@@ -192,4 +192,4 @@ def _demand(cars: _Cars, rear: Integers, front: Integers) -> Floats:
     """Return the IDM accelerations of the rear cars [m/s²]."""
     s, length, speed = cars.s.ravel(), cars.length.ravel(), cars.speed.ravel()
     gap = s[front] - s[rear] - (length[front] + length[rear]) / 2
-    return idm.acceleration(gap, speed[rear], speed[front])
+    return idm_acceleration(gap, speed[rear], speed[front])
