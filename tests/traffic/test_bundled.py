@@ -226,6 +226,29 @@ def test_train_and_test_are_different_traffic(recordings: Mapping[str, Recording
         assert not set(train.x.tolist()) & set(test.x.tolist())
 
 
+@pytest.mark.parametrize("name", OVERTAKES)
+def test_a_recording_is_the_same_by_whatever_path(
+    recordings: Mapping[str, Recording], name: str, tmp_path: Path
+) -> None:
+    plain = tmp_path / name
+    plain.mkdir()
+    for path in (BUNDLED / name).iterdir():
+        (plain / path.stem).write_bytes(lzma.decompress(path.read_bytes()))
+    paths: list[str | Path] = [
+        BUNDLED / name,
+        f"{BUNDLED / name}#01",
+        BUNDLED / name / "01_tracks.csv.xz",
+        plain,
+    ]
+    for path in paths:
+        recording = load_recording(path, cache=path == plain)
+        if path == plain:
+            recording = load_recording(path)  # from the cache
+        for item, array in recording.frames.arrays():
+            np.testing.assert_array_equal(array, getattr(recordings[name].frames, item))
+        assert (recording.lanes, recording.traffic) == (recordings[name].lanes, Traffic.REACTIVE)
+
+
 def test_the_files_have_two_decimals_and_one_lane_numbering() -> None:
     with lzma.open(BUNDLED / "freeway" / "01_tracks.csv.xz", "rt") as file:
         names = file.readline().strip().split(",")

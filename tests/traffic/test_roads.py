@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from drlsl.cli.data import app
+from drlsl.driving import EnvConfig, stress
+from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.traffic import (
     PRESETS,
@@ -248,6 +250,15 @@ def test_stretch_flow_and_trucks_are_as_ordered(made: Recording) -> None:
     few = simulate(replace(ROAD, flow=600.0, merges=(), truck_share=0.0), seed=5, minutes=0.7)
     assert set(few.vehicle_class.values()) == {VehicleClass.CAR}
     assert len(few.vehicle_class) < 0.6 * len(kinds)
+
+
+@needs_sumo
+def test_the_ego_drives_past_a_merging_lane_and_is_not_to_blame(made: Recording) -> None:
+    config = EnvConfig(recording="made")
+    shield = Shield.default(tier="auto")
+    *_, report = stress(config, [made], shield, ["random", "adversarial"], episodes=60, seed=0)
+    assert (report.total.contacts_at_fault, report.total.off_road) == (0, 0)
+    assert report.total.lane_changes > 20
 
 
 @needs_sumo
