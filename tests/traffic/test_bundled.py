@@ -232,8 +232,8 @@ def test_a_recording_is_the_same_by_whatever_path(
 ) -> None:
     plain = tmp_path / name
     plain.mkdir()
-    for path in (BUNDLED / name).iterdir():
-        (plain / path.stem).write_bytes(lzma.decompress(path.read_bytes()))
+    for packed in (BUNDLED / name).iterdir():
+        (plain / packed.stem).write_bytes(lzma.decompress(packed.read_bytes()))
     paths: list[str | Path] = [
         BUNDLED / name,
         f"{BUNDLED / name}#01",
