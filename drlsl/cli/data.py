@@ -24,6 +24,28 @@ PathArgument = Annotated[
         show_default=False,
     ),
 ]
+LaneLimits = Annotated[
+    str | None,
+    typer.Option(
+        metavar="M/S,...",
+        help="Speed limits in m/s that drivers keep, from the right lane to the left; one: all lanes.",
+    ),
+]
+Merges = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="AT:LENGTH:FLOW",
+        help="An on-ramp on the right of each direction: its lane begins AT metres into the stretch and "
+        "ends LENGTH metres later; FLOW vehicles per hour come from it. May be repeated.",
+    ),
+]
+TrafficOption = Annotated[
+    Literal["recorded", "reactive"] | None,
+    typer.Option(
+        help="Whether the vehicles are to brake for an ego, as the recording then says; the preset's by "
+        "default."
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 
 
@@ -108,28 +130,9 @@ def generate(
     truck_share: Annotated[
         float | None, typer.Option(help="Share of these that are trucks, from 0 to 1.")
     ] = None,
-    lane_limits: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M/S,...",
-            help="Speed limits in m/s that drivers keep, from the right lane to the left; one: all lanes.",
-        ),
-    ] = None,
-    merge: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="AT:LENGTH:FLOW",
-            help="An on-ramp on the right of each direction: its lane begins AT metres into the stretch and "
-            "ends LENGTH metres later; FLOW vehicles per hour come from it. May be repeated.",
-        ),
-    ] = None,
-    traffic: Annotated[
-        Literal["recorded", "reactive"] | None,
-        typer.Option(
-            help="Whether the vehicles are to brake for an ego, as the recording then says; the preset's by "
-            "default."
-        ),
-    ] = None,
+    lane_limits: LaneLimits = None,
+    merge: Merges = None,
+    traffic: TrafficOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the folder if it exists.")] = False,
     compress: Annotated[bool, typer.Option("--compress", help="Write .csv.xz instead of .csv.")] = False,
 ) -> None:
