@@ -149,7 +149,10 @@ def _leaves(values: dict[str, Any], path: str = "") -> Iterator[str]:
             yield f"{path}{key}={value}"
 
 
-def _trained_as(study: StudyConfig, method: str) -> str:
+def _trained_as(study: StudyConfig, method: str) -> str | None:
+    """Return how a method was trained; None if it is a driver that is not."""
+    if method not in study.learnt:
+        return None
     return study.training(Run(method, 0)).method
 
 

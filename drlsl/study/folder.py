@@ -165,7 +165,7 @@ class StudyFolder:
         """Return whether all attempts at a task, or at the one that it needs, have failed."""
         if self.is_done(task):
             return False
-        before = task.needs
+        before = self.study.needs(task)
         return len(self.failures(task)) >= ATTEMPTS or (before is not None and self.is_given_up(before))
 
     def _result(self, task: Task) -> Path:

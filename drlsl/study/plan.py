@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from drlsl.driving import EnvConfig, Section
+from drlsl.driving.drivers import DRIVERS, is_driver, make_driver
 from drlsl.errors import UserError
 from drlsl.files import parse_yaml, read_yaml, to_yaml
 from drlsl.learning import TrainConfig, make_config, merged, preset_names, preset_values, with_value
@@ -23,13 +24,40 @@ US_101 = re.compile(r"us-?101", re.IGNORECASE)
 
 
 class MethodConfig(Section):
-    """One way to train."""
+    """One way to train, or a driver that is not trained."""
 
     label: str = Field(min_length=1, description="Its label in the report.")
     train: dict[str, Any] = Field(
         default_factory=dict, description="Settings of the training, laid over the study's own."
     )
     paper: PaperMethod | None = Field(default=None, description="The method of the paper to compare with.")
+    driver: str | None = Field(
+        default=None,
+        min_length=1,
+        description="A driver of `drlsl eval` that is not trained, such as mobil; train then holds the "
+        "settings of its env only.",
+    )
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Parameters of the driver, by name.")
+
+    @model_validator(mode="after")
+    def _is_trained_or_not(self) -> Self:
+        if self.driver is None:
+            if self.parameters:
+                raise ValueError("parameters are those of a driver; give the driver, or leave them out")
+            return self
+        if self.train.keys() - {"env"}:
+            raise ValueError(f"driver {self.driver} is not trained: train may hold env only")
+        if not (is_driver(self.driver) or self.driver.endswith(".zip")):
+            known = ", ".join(DRIVERS)
+            raise ValueError(
+                f"no driver '{self.driver}'; expected {known}, FILE.py:NAME, MODULE:NAME or a .zip"
+            )
+        if self.driver in DRIVERS:
+            try:
+                make_driver(self.driver, self.parameters)
+            except UserError as error:
+                raise ValueError(str(error)) from error
+        return self
 
 
 class ScenarioConfig(Section):
@@ -107,13 +135,28 @@ class StudyConfig(Section):
 
     @property
     def runs(self) -> list["Run"]:
-        """Every training, seed by seed, so that an interrupted study can compare finished seeds."""
+        """Methods with every seed, seed by seed, so that an interrupted study can compare finished seeds."""
         return [Run(method, seed) for seed in range(self.seeds) for method in self.methods]
+
+    @property
+    def learnt(self) -> list[str]:
+        """The names of the methods that are trained."""
+        return [name for name, method in self.methods.items() if method.driver is None]
 
     @property
     def tasks(self) -> list["Task"]:
         """Every training, each followed by its tests and sweeps."""
-        return [Task(run, test) for run in self.runs for test in (None, *self.tests, *self.sweeps)]
+        return [
+            Task(run, test)
+            for run in self.runs
+            for test in (None, *self.tests, *self.sweeps)
+            if test is not None or run.method in self.learnt
+        ]
+
+    def needs(self, task: "Task") -> "Task | None":
+        """Return the task that must be done before."""
+        trained = task.test is not None and task.run.method in self.learnt
+        return Task(task.run) if trained else None
 
     def training(self, run: "Run") -> TrainConfig:
         """Return the configuration of a training.
@@ -186,11 +229,6 @@ class Task:
     def name(self) -> str:
         """The name of its files."""
         return self.run.name if self.test is None else f"{self.run.name}.{self.test}"
-
-    @property
-    def needs(self) -> "Task | None":
-        """The task that must be done before."""
-        return None if self.test is None else Task(self.run)
 
 
 def study_presets() -> list[str]:

@@ -118,7 +118,8 @@ def interventions(results: Results) -> Table:
 def training(results: Results) -> Table:
     """Return mean rewards per episode of training, with all its contacts and steps off the road."""
     rows, cells = [], []
-    for name, method in results.study.methods.items():
+    for name in results.study.learnt:
+        method = results.study.methods[name]
         found = rows_of(results.training, method=name)
         row: dict[str, object] = {"method": name, "seeds": found["seed"].nunique(), "episodes": len(found)}
         row |= {title: _mean(found[column]) for column, title in FIGURES.values()}
@@ -137,7 +138,8 @@ def training(results: Results) -> Table:
 def convergence(results: Results) -> Table:
     """Return the episode at which each training's return converged, and the median over seeds."""
     rows, cells = [], []
-    for name, method in results.study.methods.items():
+    for name in results.study.learnt:
+        method = results.study.methods[name]
         found = convergence_of(results, name)
         median = median_episode(found.values())
         reached = sum(episode is not None for episode in found.values())
@@ -246,7 +248,7 @@ def wall_time(results: Results) -> Table:
     tested = pd.concat([results.tests[["method", "wall_s"]], results.sweeps[["method", "wall_s"]]])
     rows = []
     for name in results.study.methods:
-        seeds = max(1, len(seeds_of(results, name)))
+        seeds = max(1, rows_of(results.tests, method=name)["seed"].nunique(), len(seeds_of(results, name)))
         rows.append(
             {
                 "method": name,

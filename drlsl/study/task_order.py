@@ -61,8 +61,11 @@ def work(
 
 def _start_ready(folder: StudyFolder, workers: Workers, open_tasks: list[Task]) -> None:
     busy = workers.busy
+    needs = folder.study.needs
     ready = [
-        task for task in open_tasks if task not in busy and (not task.needs or folder.is_done(task.needs))
+        task
+        for task in open_tasks
+        if task not in busy and ((before := needs(task)) is None or folder.is_done(before))
     ]
     # Tests first: they are short, so a stopped study has more results.
     ready.sort(key=lambda task: task.test is None)

@@ -1,5 +1,6 @@
 """The tasks of a study: train, or drive a trained policy through a test."""
 
+import importlib.util
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from importlib import metadata
@@ -8,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 from drlsl.driving import EnvConfig
+from drlsl.driving.drivers import DRIVERS, Driver
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.learning import (
@@ -18,6 +20,7 @@ from drlsl.learning import (
     as_record,
     drive,
     factory_file,
+    load_driver,
     load_policy,
     make_evaluation_env,
 )
@@ -66,6 +69,7 @@ def inputs_of(study: StudyConfig) -> dict[str, Any]:
         config = study.training(method)
         env = config.env
         digests |= _network_digests(config.network)
+        digests |= _driver_digests(study.methods[method.method].driver)
         digests |= _rule_digests(env)
         digests |= _recording_digests(env.recordings)
     for test in study.tests:
@@ -110,11 +114,16 @@ def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
 def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -> Iterator[dict[str, Any]]:
     """Yield the records of a policy in one environment, shield off and on; ends early once asked to stop."""
     env = make_evaluation_env(config)
-    policy = load_policy(folder.run(run), env)
+    method = folder.study.methods[run.method]
+    driver: Driver = (
+        load_policy(folder.run(run), env)
+        if method.driver is None
+        else load_driver(method.driver, env, method.parameters)
+    )
     for shield in SHIELDS:
         summaries = []
         for summary in drive(
-            env, policy, shield=shield, episodes=folder.study.evaluation_episodes, seed=run.seed
+            env, driver, shield=shield, episodes=folder.study.evaluation_episodes, seed=run.seed
         ):
             summaries.append(summary)
             if stop():
@@ -127,6 +136,21 @@ def _network_digests(config: NetworkConfig) -> dict[str, str]:
     if config.built_in:
         return {}
     return {f"network {config.factory}": digest([factory_file(config.factory)])}
+
+
+def _driver_digests(name: str | None) -> dict[str, str]:
+    """Return the digest of the file of a user's own driver, if there is one."""
+    if name is None or name in DRIVERS:
+        return {}
+    path = Path(name.rpartition(":")[0] or name)
+    if path.suffix not in (".py", ".zip"):
+        module = importlib.util.find_spec(str(path))
+        if module is None or module.origin is None:
+            raise UserError(f"driver {name}: there is no module {path}")
+        path = Path(module.origin)
+    if not path.is_file():
+        raise UserError(f"driver {name}: no file {path} in {Path.cwd()}")
+    return {f"driver {name}": digest([path])}
 
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:

@@ -1,11 +1,12 @@
 """Studies from presets, files and flags, and the tasks that follow."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from drlsl.errors import UserError
-from drlsl.study import dump_study, load_study, preset_study, with_changes
+from drlsl.study import StudyConfig, dump_study, load_study, preset_study, with_changes
 from drlsl.study.paper import METHODS, TABLE_1
 from drlsl.study.plan import Run, Task, make_study, scenario_of, study_presets
 
@@ -46,11 +47,13 @@ def test_the_full_preset_has_every_combination_once() -> None:
 
 
 def test_tasks_follow_what_they_need() -> None:
-    tasks = study(seeds=2, methods=3).tasks
+    plan = study(seeds=2, methods=3)
+    tasks = plan.tasks
     assert len(tasks) == 2 * 3 * (1 + 2 + 1)
     assert len({task.name for task in tasks}) == len(tasks)
     for place, task in enumerate(tasks):
-        assert task.needs is None or task.needs in tasks[:place]
+        before = plan.needs(task)
+        assert before is None or before in tasks[:place]
     assert Task(Run("m0", 1), "freeway").name == "m0-seed1.freeway"
 
 
@@ -173,3 +176,34 @@ def test_the_papers_table_is_whole() -> None:
         assert {name: len(values) for name, values in rows.items()} == dict.fromkeys(
             ("lane_changes", "collisions", "off_road", "time_steps"), len(METHODS)
         )
+
+
+def with_driver(**method: Any) -> StudyConfig:
+    values = study(seeds=2, methods=1).model_dump(mode="json")
+    return make_study(
+        {**values, "methods": {**values["methods"], "baseline": {"label": "B", **method}}}, "test"
+    )
+
+
+def test_a_driver_is_tested_and_not_trained() -> None:
+    plan = with_driver(driver="mobil", parameters={"politeness": 0.0}, train={"env": {"rules": ["paper.pl"]}})
+    assert plan.learnt == ["m0"]
+    mine = [task for task in plan.tasks if task.run.method == "baseline"]
+    assert [task.test for task in mine] == ["left-to-right", "freeway", "latency"] * 2
+    assert all(plan.needs(task) is None for task in mine)
+    assert plan.test_env(Run("baseline", 0), "freeway").rules == ("paper.pl",)
+    assert make_study(plan.model_dump(mode="json"), "again") == plan
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ({"driver": "mobile"}, "no driver 'mobile'; expected keep, always-change, mobil"),
+        ({"driver": "keep", "train": {"episodes": 3}}, "driver keep is not trained: train may hold env only"),
+        ({"driver": "keep", "parameters": {"a": 1}}, "driver keep: a: Extra inputs are not permitted"),
+        ({"parameters": {"a": 1}}, "parameters are those of a driver"),
+    ],
+)
+def test_drivers_that_no_study_can_have(method: dict[str, Any], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        with_driver(**method)

@@ -61,6 +61,29 @@ def test_a_tiny_study(tmp_path: Path) -> None:
     assert str(tmp_path) not in report.replace(f"drlsl {' '.join(arguments)}", "")
 
 
+def test_a_driver_takes_part_in_a_study_without_being_trained(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("def left(s): return [1] * len(s.offered)\n")
+    plan = {
+        **TINY,
+        "sweeps": {},
+        "train": {"env": {"track_length": 60.0}},
+        "methods": {
+            "keep": {"label": "keep", "driver": "keep"},
+            "mine": {"label": "mine", "driver": f"{tmp_path / 'mine.py'}:left"},
+        },
+    }
+    (tmp_path / "plan.yaml").write_text(str(plan))
+    out = tmp_path / "study"
+    assert run(["study", "--config", str(tmp_path / "plan.yaml"), "--out", str(out), "--jobs", "1"]) == 0
+    folder = StudyFolder.open(out)
+    assert f"driver {tmp_path / 'mine.py'}:left" in folder.inputs["digests"]
+    results = collect(folder)
+    assert (len(results.training), results.missing) == (0, [])
+    assert results.tests["method"].tolist() == ["keep", "keep", "mine", "mine"]
+    assert results.tests.loc[results.tests["method"] == "keep", "lane_changes"].sum() == 0
+    assert "| keep |" in (out / "report" / "report.md").read_text()
+
+
 @pytest.mark.slow
 def test_a_training_that_was_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None:
     study, task = make_study(TINY, "test"), Task(Run("dqnsl", 0))
