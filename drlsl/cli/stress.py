@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import typer
 
-from drlsl.cli.options import AsJson, Direction, Rules, check_new
+from drlsl.cli.options import AsJson, Direction, Rules, check_new, given_settings
 
 if TYPE_CHECKING:
     from drlsl.driving import Counts, EnvConfig, StressReport
+    from drlsl.driving.drivers import Driver
+    from drlsl.driving.shield import Shield
 
 Offers: TypeAlias = Literal["rules", "prediction", "all"]
 
@@ -45,9 +48,30 @@ SceneFolder = Annotated[
 ]
 
 
+Who = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DRIVER",
+        help="Drive with this driver in place of the policies: keep, always-change, mobil, FILE.py:NAME, "
+        "MODULE:NAME, a run folder or a model of Stable-Baselines3 (.zip).",
+    ),
+]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="driver.KEY=VALUE", help="A parameter of the driver; may be repeated."),
+]
+Period = Annotated[
+    float | None,
+    typer.Option(help="Seconds for which an action is held; default: a frame, or as the run was trained."),
+]
+
+
 def stress(
     recording: Recordings = None,
     policy: Policy = "all",
+    driver: Who = None,
+    settings: Parameters = None,
+    decision_period: Period = None,
     offers: Offered = None,
     shield: OldOffers = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
@@ -80,10 +104,13 @@ def stress(
     from drlsl.traffic import bundled_recordings
 
     check_new(out)
+    arguments = _parameters(driver, settings, policy)
+    trained = _trained(driver)
     config = _config(
         recording=tuple(recording or bundled_recordings()),
         direction=direction,
-        rules=tuple(map(str, rules or ())),
+        rules=tuple(map(str, rules or ())) or (() if trained is None else trained.rules),
+        decision_period=decision_period or (None if trained is None else trained.decision_period),
         tier=tier,
         offers=_offers(offers, shield),
         traffic=traffic,
@@ -95,7 +122,8 @@ def stress(
         },
         **({} if horizon is None else {"prediction_horizon": horizon}),
     )
-    report = _run(config, list(POLICIES) if policy == "all" else [policy], episodes, seed)
+    policies: list[str] = [] if driver else [*POLICIES] if policy == "all" else [policy]
+    report = _run(config, policies, driver, arguments, episodes=episodes, seed=seed)
     if out is not None:
         write_scenes(out, {record.name: record.scene for record in report.worst})
     print(json.dumps(report.as_json(), indent=2) if as_json else _report(report))
@@ -137,7 +165,55 @@ def _config(**settings: Any) -> EnvConfig:
         raise UserError(f"--{flag.replace('_', '-')}: {first['msg']}, got {first['input']!r}") from error
 
 
-def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> StressReport:
+def _parameters(driver: str | None, settings: list[str] | None, policy: str) -> dict[str, Any]:
+    """Return the parameters of the driver.
+
+    Raises:
+        UserError: there is no driver, or anything but its parameters is set; or a policy is given besides.
+    """
+    from drlsl.errors import UserError
+
+    if driver is not None and policy != "all":
+        raise UserError("--driver and --policy: expected one of them, not both")
+    given = given_settings(settings or [], {}, "driver.politeness=0.2")
+    arguments = given.pop("driver", {})
+    if given or not isinstance(arguments, dict) or (arguments and driver is None):
+        raise UserError("--set: expected parameters of --driver, such as driver.politeness=0.2")
+    return arguments
+
+
+def _trained(driver: str | None) -> EnvConfig | None:
+    """Return the environment that a run was trained in, if the driver is one."""
+    from drlsl.driving.drivers import is_driver
+
+    if driver is None or is_driver(driver) or driver.endswith(".zip"):
+        return None
+    from drlsl.learning import RunFolder
+
+    return RunFolder.open(Path(driver)).config.env
+
+
+def _loaded(driver: str, arguments: dict[str, Any], shield: Shield) -> Driver:
+    """Return the driver; PyTorch is loaded only for one that may need it."""
+    from drlsl.driving.drivers import DRIVERS, is_driver, make_driver
+
+    if driver in DRIVERS or (is_driver(driver) and find_spec("torch") is None):
+        return make_driver(driver, arguments)
+    from drlsl.driving.envs import spaces_of
+    from drlsl.learning import load_driver
+
+    return load_driver(driver, spaces_of(shield), arguments)
+
+
+def _run(
+    config: EnvConfig,
+    policies: list[str],
+    driver: str | None,
+    arguments: dict[str, Any],
+    *,
+    episodes: int,
+    seed: int,
+) -> StressReport:
     """Drive all episodes, with a progress bar on a terminal."""
     from rich.console import Console
     from rich.progress import Progress
@@ -148,12 +224,16 @@ def _run(config: EnvConfig, policies: list[str], episodes: int, seed: int) -> St
     from drlsl.traffic import load_recording
 
     shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
+    drivers = {} if driver is None else {driver: _loaded(driver, arguments, shield)}
     recordings = [load_recording(name) for name in config.recordings]
     report = StressReport()
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(f"{', '.join(policies)}; {shield.tier} rules", total=episodes)
-        for report in run(config, recordings, shield, policies, episodes=episodes, seed=seed):
+        names = ", ".join([*policies, *drivers])
+        task = progress.add_task(f"{names}; {shield.tier} rules", total=episodes)
+        for report in run(
+            config, recordings, shield, policies, episodes=episodes, seed=seed, drivers=drivers
+        ):
             progress.update(task, completed=report.total.episodes)
     return report
 

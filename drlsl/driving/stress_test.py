@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, TypeAlias
 
@@ -11,9 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.drivers import Driver, Situations, most_wanted
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
-from drlsl.driving.simulation import StepResult, World, in_direction, playbacks_of
+from drlsl.driving.simulation import (
+    StepResult,
+    World,
+    drive_decision,
+    frames_per_decision,
+    in_direction,
+    playbacks_of,
+)
 from drlsl.traffic import Floats, Recording
 
 Actions: TypeAlias = npt.NDArray[np.int64]
@@ -57,6 +65,31 @@ POLICIES: Final[dict[str, Policy]] = {
     "always-change": always_change,
     "adversarial": adversarial,
 }
+
+
+class DrivenBy:
+    """A driver as a policy: of what is offered the action that it wants most."""
+
+    def __init__(self, driver: Driver) -> None:
+        self._driver = driver
+        self._seen: npt.NDArray[np.float32] | None = None
+
+    def __call__(self, world: World, drawn: Floats) -> Actions:
+        """Return the actions; an episode's first observation stands for those before it."""
+        offered = world.decisions.action_mask
+        situations = Situations(self._observed(world), offered, world.seen)
+        return most_wanted(self._driver.preferences(situations), offered).actions
+
+    def _observed(self, world: World) -> npt.NDArray[np.float32]:
+        now = world.decisions.observation.astype(np.float32)
+        if self._driver.window == 1:
+            return now
+        first = np.tile(now, self._driver.window)
+        if self._seen is None:
+            self._seen = first
+        later = np.concatenate([self._seen[:, now.shape[1] :], now], axis=1)
+        self._seen = np.where((world.distance == 0.0)[:, None], first, later)
+        return self._seen
 
 
 def margins(scenes: SceneBatch, targets: Floats) -> Floats:
@@ -208,9 +241,11 @@ class _Draws:
 class _Stress:
     """Episodes side by side in one world; an ego whose episode is over takes the next one."""
 
-    def __init__(self, world: World, policies: Sequence[str], episodes: int, seed: int) -> None:
+    def __init__(self, world: World, policies: Mapping[str, Policy], episodes: int, seed: int) -> None:
         self._world = world
-        self._policies = policies
+        self._choose = [*policies.values()]
+        self._policies = [*policies]
+        self._frames = frames_per_decision(world.config.decision_period, world.playbacks)
         self._seeds = enumerate(np.random.SeedSequence(seed).spawn(episodes))
         self._draws = _Draws(world.count)
         self._episode = np.full(world.count, -1)
@@ -224,7 +259,7 @@ class _Stress:
         # An ego whose episode is over begins the next one in the following step.
         restarts: dict[int, np.random.Generator] = {}
         while (self._episode >= 0).any():
-            result = self._world.step(self._actions(), restarts)
+            result = drive_decision(self._world, self._actions(), restarts, frames=self._frames)
             running = self._episode >= 0
             running[list(restarts)] = False
             ended = np.flatnonzero(running & (result.terminated | result.truncated)).tolist()
@@ -250,10 +285,10 @@ class _Stress:
         """Return the choices of each episode's policy."""
         drawn = self._draws.take()
         actions = np.zeros(self._world.count, dtype=np.int64)
-        for number, name in enumerate(self._policies):
+        for number, choose in enumerate(self._choose):
             mine = self._policy == number
             if mine.any():
-                actions = np.where(mine, POLICIES[name](self._world, drawn), actions)
+                actions = np.where(mine, choose(self._world, drawn), actions)
         return actions
 
     def _count(self, result: StepResult, running: npt.NDArray[np.bool_], ended: Sequence[int]) -> None:
@@ -262,7 +297,7 @@ class _Stress:
             mine, counts = running & (self._policy == number), self.report.policies[name]
             counts.steps += int(mine.sum())
             counts.lane_changes += int((result.changed & mine).sum())
-            counts.fail_safe += sum(bool(mine[ego]) for ego in result.decisions.failures)
+            counts.fail_safe += sum(bool(mine[ego]) for ego in result.failures)
         for ego in ended:
             policy = self._policies[self._policy[ego]]
             counts = self.report.policies[policy]
@@ -292,12 +327,15 @@ def stress(
     episodes: int,
     seed: int,
     egos: int = EGOS,
+    drivers: Mapping[str, Driver] | None = None,
 ) -> Iterator[StressReport]:
     """Run `episodes` episodes; yield the report, always the same object, each time some end.
 
-    `policies`, names of `POLICIES`, take turns. Episode i is a function of (`seed`, i) and of its policy;
-    `World` says which parts of `config` matter.
+    `policies`, names of `POLICIES`, and `drivers`, by names of their own, take turns. Episode i is a function
+    of (`seed`, i) and of its policy; `World` says which parts of `config` matter.
     """
     playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
     world = World(config, [playbacks] * min(egos, episodes), shield)
-    yield from _Stress(world, policies, episodes, seed).run()
+    taking_turns: dict[str, Policy] = {name: POLICIES[name] for name in policies}
+    taking_turns |= {name: DrivenBy(driver) for name, driver in (drivers or {}).items()}
+    yield from _Stress(world, taking_turns, episodes, seed).run()

@@ -12,13 +12,13 @@ from torch import nn
 from drlsl.driving.drivers import DRIVERS, Driver, Situations, driver_of, is_driver, make_driver
 from drlsl.errors import UserError
 from drlsl.files import find_object, users_code
-from drlsl.learning.fleet import VectorHighway, space_sizes
+from drlsl.learning.fleet import HasSpaces, space_sizes
 from drlsl.learning.rundir import RunFolder
 from drlsl.learning.session import load_policy
 from drlsl.learning.stable_baselines import SUFFIX, load_model
 
 
-def load_driver(name: str, env: VectorHighway, arguments: Mapping[str, Any] | None = None) -> Driver:
+def load_driver(name: str, env: HasSpaces, arguments: Mapping[str, Any] | None = None) -> Driver:
     """Return the driver of a name, for an environment: a run folder, a model's .zip, or as `make_driver`.
 
     FILE.py:NAME and PACKAGE.MODULE:NAME may be a PyTorch module as well, or a class of one, made with the

@@ -20,6 +20,18 @@ Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
 
 
+class HasSpaces(Protocol):
+    """The spaces of environments: what a policy is made for."""
+
+    @property
+    def single_observation_space(self) -> gymnasium.Space[Any]:
+        """Space of one environment's observations."""
+
+    @property
+    def single_action_space(self) -> gymnasium.Space[Any]:
+        """Space of one environment's actions."""
+
+
 class VectorHighway(Protocol):
     """The interface of environments to train in: Gymnasium's VectorEnv, with a state to resume from."""
 

@@ -13,7 +13,7 @@ from drlsl.files import FolderLock, refuse_while_loading
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.config import NetworkConfig, TrainConfig, make_config, merged, preset_values
 from drlsl.learning.figures import write_training_figures
-from drlsl.learning.fleet import VectorHighway
+from drlsl.learning.fleet import HasSpaces, VectorHighway
 from drlsl.learning.network import Policy
 from drlsl.learning.network_factory import Factory, factory_name
 from drlsl.learning.rundir import RunFolder
@@ -128,7 +128,7 @@ class Session(AbstractContextManager["Session"]):
         return write_training_figures({self.folder.config.method: self.folder.metrics()}, self.folder.figures)
 
 
-def load_policy(folder: RunFolder, env: VectorHighway) -> Policy:
+def load_policy(folder: RunFolder, env: HasSpaces) -> Policy:
     """Return the policy of a run's last checkpoint, for an environment with the same spaces.
 
     Raises:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from drlsl.benchmarks import random_scenes
 from drlsl.cli import run
 from drlsl.driving import POLICIES, EnvConfig, StressReport, stress
+from drlsl.driving.drivers import DRIVERS, Driver, Situations, make_driver
 from drlsl.driving.scene import Scene, SceneBatch, load_scene
 from drlsl.driving.shield import Shield
 from drlsl.driving.stress_test import MARGIN_HORIZON, margins
@@ -26,11 +28,19 @@ front_is_free.  longitudinal_velocity(30.0).  state([0, 0, 0, 0, 0, 0, 0, 0, 0, 
 
 
 def run_stress(
-    made: Recording, shield: Shield, policies: list[str], episodes: int, egos: int = 8, **settings: object
+    made: Recording,
+    shield: Shield,
+    policies: list[str],
+    episodes: int,
+    drivers: Mapping[str, Driver] | None = None,
+    egos: int = 8,
+    **settings: object,
 ) -> StressReport:
     report = StressReport()
     config = EnvConfig(recording="by-hand", **settings)
-    for report in stress(config, [made], shield, policies, episodes=episodes, seed=1, egos=egos):  # noqa: B007
+    for report in stress(  # noqa: B007
+        config, [made], shield, policies, episodes=episodes, seed=1, egos=egos, drivers=drivers
+    ):
         pass
     return report
 
@@ -92,7 +102,9 @@ def test_worst_contacts_become_scenes(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_an_episode_is_a_function_of_its_seed_and_number() -> None:
     made, shield = load_recording("highway-test"), Shield.default(tier="auto")
-    few, many = (run_stress(made, shield, list(POLICIES), 9, egos, track_length=100.0) for egos in (2, 9))
+    few, many = (
+        run_stress(made, shield, list(POLICIES), 9, egos=egos, track_length=100.0) for egos in (2, 9)
+    )
     assert few.as_json() == many.as_json()
 
 
@@ -120,6 +132,75 @@ def margin_of(scene: Scene, target: float) -> float:
         gap = -length if (now > 0) != (later > 0) else min(abs(now), abs(later)) - length
         found = min(found, gap / max(speeds[1] if now > 0 else speeds[0], 1.0))
     return found
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+@pytest.mark.parametrize("period", [None, 1.0])
+def test_the_shield_holds_for_drivers(name: str, period: float | None) -> None:
+    driver = {name: make_driver(name)}
+    made = load_recording("overtake-test")
+    counts = run_stress(made, Shield.default(tier="auto"), [], 8, driver, decision_period=period).total
+    assert counts.episodes == 8
+    assert counts.off_road == counts.contacts_at_fault == counts.fail_safe == 0
+    assert (counts.lane_changes == 0) == (name == "keep")
+
+
+class Watching:
+    """Keeps the lane, and remembers what it was shown."""
+
+    window = 3
+
+    def __init__(self) -> None:
+        self.seen: list[np.ndarray] = []
+
+    def preferences(self, situations: Situations) -> np.ndarray:
+        self.seen.append(situations.observations)
+        return np.tile([1.0, 0.0, 0.0], (len(situations.offered), 1))
+
+
+def test_a_driver_is_shown_its_window_of_observations() -> None:
+    driver = Watching()
+    made = load_recording("highway-test")
+    run_stress(made, Shield.default(tier="auto"), [], 4, {"watching": driver}, egos=2, track_length=20.0)
+    size = Shield.default().observation
+    shown = np.array(driver.seen)
+    assert shown.shape[1:] == (2, 3 * len(size))
+    earlier, before, now = np.split(shown, 3, axis=2)
+    first = (now == before).all(axis=2) & (before == earlier).all(axis=2)
+    assert first[0].all()
+    assert 4 <= first.sum() <= 6, "two egos begin two episodes each, and wait for nobody"
+    later = ~first[1:]
+    assert (before[1:][later] == now[:-1][later]).all()
+    assert (earlier[1:][later] == before[:-1][later]).all()
+
+
+def test_drivers_by_flag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.py").write_text("def right(s): return [2] * len(s.offered)\n")
+    for name, parameters in (("mobil", ["--set", "driver.threshold=0"]), (f"{tmp_path}/mine.py:right", [])):
+        arguments = ["stress", "highway-test", "--episodes", "3", "--driver", name, *parameters, "--json"]
+        assert run(arguments) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert list(data["policies"]) == [name]
+        assert (data["episodes"], data["contacts_at_fault"], data["off_road"]) == (3, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--driver", "mobil", "--policy", "random"], "--driver and --policy: expected one of them"),
+        (["--set", "driver.threshold=0"], "--set: expected parameters of --driver"),
+        (["--driver", "mobil", "--set", "env.traffic=reactive"], "--set: expected parameters of --driver"),
+        (["--driver", "mobil", "--set", "driver.speed=1"], "driver mobil: speed: Extra inputs"),
+        (["--driver", "nobody"], "nobody: no run here"),
+        (["--decision-period", "0.05"], "decision_period 0.05 s is no multiple"),
+    ],
+)
+def test_flags_that_no_driver_can_have(
+    flags: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["stress", "highway-test", "--episodes", "2", *flags]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
 
 
 def test_the_margin_is_the_least_predicted_headway_in_the_way() -> None:

@@ -1,9 +1,11 @@
-from .single import HighwayEnv, make_env
+from .single import HighwayEnv, Spaces, make_env, spaces_of
 from .vector import HighwayVectorEnv, make_vec
 
 __all__ = [
     "HighwayEnv",
     "HighwayVectorEnv",
+    "Spaces",
     "make_env",
     "make_vec",
+    "spaces_of",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -120,6 +120,18 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             "fail_safe": 0 in failures,
             "fail_safe_reason": failures.get(0, ""),
         }
+
+
+class Spaces(NamedTuple):
+    """The spaces of one environment."""
+
+    single_observation_space: gymnasium.Space[Observation]
+    single_action_space: gymnasium.Space[np.int64]
+
+
+def spaces_of(shield: Shield) -> Spaces:
+    """Return the spaces of an environment with the rules of `shield`."""
+    return Spaces(observation_box(shield.observation), gymnasium.spaces.Discrete(len(Action)))
 
 
 def observation_box(space: ObservationSpace) -> gymnasium.Space[Observation]:
