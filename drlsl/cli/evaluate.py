@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -17,22 +17,37 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from drlsl.driving.drivers import Driver
-    from drlsl.learning import RunFolder, ShieldState, VectorHighway
+    from drlsl.learning import ShieldState, VectorHighway
 
 ROWS: Sequence[tuple[str, str, str]] = (
-    ("lane changes", "lane_changes", "d"),
-    ("contacts, ego at fault", "contacts_at_fault", "d"),
-    ("contacts, ego not at fault", "contacts_not_at_fault", "d"),
+    ("time saved", "time_saved", ".1%"),
+    ("contacts at fault", "contacts_at_fault", "d"),
+    ("contacts not at fault", "contacts_not_at_fault", "d"),
     ("off-road", "off_road", "d"),
     ("completed", "completed", "d"),
+    ("time, mean [s]", "mean_time_completed", ".2f"),
+    ("lane changes", "lane_changes", "d"),
+    ("lane changes per km", "lane_changes_per_km", ".2f"),
     ("steps, mean", "mean_steps", ".1f"),
-    ("steps of completed, mean", "mean_steps_completed", ".1f"),
+    ("steps of completed", "mean_steps_completed", ".1f"),
     ("speed, mean [m/s]", "mean_speed", ".2f"),
     ("return, mean", "mean_return", ".1f"),
     ("interventions", "interventions", ".2%"),
     ("fail-safe steps", "fail_safe", "d"),
+    ("headway, 5 % below [s]", "headway_5", ".2f"),
+    ("headway, median [s]", "headway_50", ".2f"),
+    ("collision in under 4 s", "short_ttc", ".2%"),
+    ("braking over 3 m/s²", "hard_braking", ".2%"),
+    ("jerk, rms [m/s³]", "jerk_rms", ".2f"),
+    ("imposed braking [m/s²]", "imposed_braking", ".2f"),
 )
 """Label, key in the totals and format of each row of the table."""
+
+POLICY = "policy"
+"""Name of a run's own driver."""
+
+KEEP = "keep"
+"""Name of the driver whose time the others are compared with."""
 
 
 Who = Annotated[
@@ -89,8 +104,9 @@ def evaluate(
     """Drive with a trained policy, or another driver, and count what happens.
 
     The same episodes are driven with the shield on and off. An intervention is a step in which the rules did
-    not derive the preferred action to be safe. The result for a run is also kept in its evaluation.json. A
-    driver without a run drives where `drlsl train` does by default.
+    not derive the preferred action to be safe. Time saved is the share of the time of keeping the lane behind
+    the shield, over the episodes that both completed. The result for a run is also kept in its
+    evaluation.json. A driver without a run drives where `drlsl train` does by default.
     """
     from rich.console import Console
 
@@ -119,10 +135,12 @@ def evaluate(
     base = folder.config.model_dump() if folder is not None else preset_values("quick")
     config = make_config(merged(base, given), "command line")
     env = make_evaluation_env(config.env)
+    driver = load_driver(who, env, arguments)
+    name = POLICY if folder is not None else who
+    shields: Sequence[ShieldState] = ("on", "off") if shield == "both" else (shield,)
     records = judge(
-        load_driver(who, env, arguments),
+        [Trial(name, driver, one) for one in shields],
         env,
-        shields=("on", "off") if shield == "both" else (shield,),
         episodes=episodes or config.evaluation.episodes,
         seed=config.seed if seed is None else seed,
         env_config=config.env.model_dump(mode="json"),
@@ -156,53 +174,48 @@ def _is_driver(who: str) -> bool:
     return False
 
 
-def evaluate_run(
-    folder: RunFolder,
-    env: VectorHighway,
-    *,
-    shields: Sequence[ShieldState],
-    episodes: int,
-    seed: int,
-    console: Console,
-) -> list[dict[str, Any]]:
-    """Evaluate a run's policy in `env`, show progress on a terminal, keep the result in the run folder."""
-    from drlsl.learning import EVALUATION_KEY, load_policy
+class Trial(NamedTuple):
+    """A driver to judge, with the shield or without it."""
 
-    records = judge(
-        load_policy(folder, env),
-        env,
-        shields=shields,
-        episodes=episodes,
-        seed=seed,
-        env_config=folder.config.env.model_dump(mode="json"),
-        console=console,
-    )
-    folder.save_evaluations(records, EVALUATION_KEY)
-    return records
+    name: str
+    driver: Driver
+    shield: ShieldState
 
 
 def judge(
-    driver: Driver,
+    trials: Sequence[Trial],
     env: VectorHighway,
     *,
-    shields: Sequence[ShieldState],
     episodes: int,
     seed: int,
     env_config: Mapping[str, Any],
     console: Console,
 ) -> list[dict[str, Any]]:
-    """Drive episodes and return a record for each state of the shield; show progress on a terminal."""
+    """Drive the same episodes in each trial and return a record of each; show progress on a terminal.
+
+    They are driven by keeping the lane behind the shield first, for the time that the others save.
+    """
     from rich.progress import Progress
 
-    from drlsl.learning import as_record, drive
+    from drlsl.driving.drivers import make_driver
+    from drlsl.learning import as_record, drive, times_of
 
+    keep = Trial(KEEP, make_driver(KEEP), "on")
+    kept: list[float | None] | None = None
     records = []
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        for shield in shields:
-            drives = drive(env, driver, shield=shield, episodes=episodes, seed=seed)
-            shown = progress.track(drives, total=episodes, description=f"shield {shield}")
-            records.append(as_record(list(shown), env=env_config, shield=shield, seed=seed))
-    return records
+        for trial in (keep, *(one for one in trials if one[::2] != keep[::2])):
+            drives = drive(env, trial.driver, shield=trial.shield, episodes=episodes, seed=seed)
+            shown = progress.track(drives, total=episodes, description=f"{trial.name}, shield {trial.shield}")
+            summaries = list(shown)
+            kept = times_of(summaries) if kept is None else kept
+            record = as_record(summaries, env=env_config, shield=trial.shield, seed=seed, kept=kept)
+            records.append({"driver": trial.name, **record})
+    return records if any(one[::2] == keep[::2] for one in trials) else records[1:]
+
+
+def _heading(driver: str, shield: str) -> str:
+    return f"{driver}\nshield {shield}"
 
 
 def evaluation_table(records: Sequence[Mapping[str, Any]]) -> Table:
@@ -216,7 +229,7 @@ def evaluation_table(records: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(title=Text(f"{first['episodes']} episodes, {env['recording']}, {env['direction']}"))
     table.add_column("")
     for record in records:
-        table.add_column(f"shield {record['shield']}", justify="right")
+        table.add_column(_heading(record["driver"], record["shield"]), justify="right")
     for label, key, form in ROWS:
         values = (record["totals"][key] for record in records)
         table.add_row(Text(label), *("-" if value is None else format(value, form) for value in values))

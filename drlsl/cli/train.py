@@ -189,21 +189,41 @@ def _run(session: Session, console: Console, stop: Stop) -> bool:
 
 
 def _evaluate_briefly(session: Session, console: Console) -> None:
-    from drlsl.cli.evaluate import evaluate_run, evaluation_table
-    from drlsl.learning import make_evaluation_env
+    from drlsl.cli.evaluate import POLICY, Trial, evaluation_table, judge
+    from drlsl.learning import EVALUATION_KEY, load_driver, load_policy, make_evaluation_env
 
-    config = session.folder.config
+    config, folder = session.folder.config, session.folder
     count = config.evaluation.episodes_after_training
-    if count:
-        records = evaluate_run(
-            session.folder,
-            make_evaluation_env(config.env),
-            shields=("on", "off"),
-            episodes=count,
-            seed=config.seed,
-            console=console,
-        )
-        console.print(evaluation_table(records))
+    if not count:
+        return
+    where = config.env.model_copy(update={"recording": config.evaluation.recording or config.env.recording})
+    env = make_evaluation_env(where)
+    policy = load_policy(folder, env)
+    beside = [Trial(name, load_driver(name, env), "on") for name in config.evaluation.beside]
+    records = judge(
+        [*beside, Trial(POLICY, policy, "on"), Trial(POLICY, policy, "off")],
+        env,
+        episodes=count,
+        seed=config.seed,
+        env_config=where.model_dump(mode="json"),
+        console=console,
+    )
+    folder.save_evaluations([one for one in records if one["driver"] == POLICY], EVALUATION_KEY)
+    console.print(evaluation_table(records))
+    typer.echo(_in_a_sentence(records[-2], records[-1]))
+
+
+def _in_a_sentence(shielded: Mapping[str, Any], free: Mapping[str, Any]) -> str:
+    """Return what the evaluation of a policy, with the shield and without, comes down to."""
+    on, off, count = shielded["totals"], free["totals"], shielded["episodes"]
+    saved, quick = on["time_saved"], ""
+    if saved is not None:
+        quick = f" takes {abs(saved):.1%} {'less' if saved >= 0 else 'more'} time than keeping the lane and"
+    return (
+        f"behind the shield the learnt driver{quick} is at fault in {on['contacts_at_fault']} and off the "
+        f"road in {on['off_road']} of {count} episodes; without it in {off['contacts_at_fault']} and "
+        f"{off['off_road']}"
+    )
 
 
 class _Totals:

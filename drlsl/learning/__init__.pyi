@@ -18,7 +18,7 @@ from .fleet import VectorHighway, space_sizes
 from .network_factory import factory_file
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
-from .totals import Totals, time_saved
+from .totals import Totals, time_saved, times_of
 from .trainer import StepEvent, Trainer, make_learner
 
 __all__ = [
@@ -57,6 +57,7 @@ __all__ = [
     "preset_values",
     "space_sizes",
     "time_saved",
+    "times_of",
     "train",
     "with_value",
 ]

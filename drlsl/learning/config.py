@@ -166,6 +166,16 @@ class EvaluationConfig(Section):
         le=100_000,
         description="Episodes of the short evaluation that ends `drlsl train`; 0: none.",
     )
+    recording: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Recording of that evaluation; none: that of the training.",
+    )
+    beside: tuple[str, ...] = Field(
+        default=(),
+        description="Drivers that are shown beside the policy in it, behind the shield: keep, always-change, "
+        "mobil, FILE.py:NAME or PACKAGE.MODULE:NAME.",
+    )
 
 
 class TrainConfig(Section):

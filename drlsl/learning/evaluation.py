@@ -12,7 +12,7 @@ from drlsl.driving import EnvConfig
 from drlsl.driving.drivers import Driver, most_wanted
 from drlsl.learning.episode import EVALUATION_STREAM, EpisodeSummary, all_actions, rule_safe_actions
 from drlsl.learning.fleet import Fleet, VectorHighway
-from drlsl.learning.totals import totals
+from drlsl.learning.totals import time_saved, times_of, totals
 
 ShieldState = Literal["on", "off"]
 
@@ -64,10 +64,19 @@ EVALUATION_KEY = ("env", "shield", "seed", "episodes")
 
 
 def as_record(
-    summaries: Sequence[EpisodeSummary], *, env: Mapping[str, Any], shield: ShieldState, seed: int
+    summaries: Sequence[EpisodeSummary],
+    *,
+    env: Mapping[str, Any],
+    shield: ShieldState,
+    seed: int,
+    kept: Sequence[float | None] | None = None,
 ) -> dict[str, Any]:
-    """Return an evaluation as plain values for evaluation.json; `env` is the environment's configuration."""
+    """Return an evaluation as plain values for evaluation.json; `env` is the environment's configuration.
+
+    `kept`: the durations of the same episodes if the lane is kept behind the shield, for `time_saved`.
+    """
     together = dataclasses.asdict(totals(summaries))
+    together["time_saved"] = None if kept is None else time_saved(times_of(summaries), kept)
     count = together.pop("episodes")
     episodes = [dataclasses.asdict(item) for item in summaries]
     for episode in episodes:

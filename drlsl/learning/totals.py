@@ -119,19 +119,24 @@ def _measured(summaries: Sequence[EpisodeSummary], kilometres: float) -> dict[st
     }
 
 
-def time_saved(summaries: Sequence[EpisodeSummary], others: Sequence[EpisodeSummary]) -> float | None:
+def times_of(summaries: Sequence[EpisodeSummary]) -> list[float | None]:
+    """Return the duration of each episode [s]; None for one that was not completed, or not measured."""
+    return [
+        item.measures.time if item.measures is not None and item.completed else None for item in summaries
+    ]
+
+
+def time_saved(times: Sequence[float | None], others: Sequence[float | None]) -> float | None:
     """Return the share of the others' time that is saved over the episodes that both completed.
 
-    Both are of the same episodes, measured, in the same order; None if both completed none.
+    Both are durations [s] of the same episodes, None for one that was not completed. None without an episode
+    that both completed.
 
     Raises:
-        ValueError: the episodes differ in number, or were not measured.
+        ValueError: the episodes differ in number.
     """
-    mine, theirs = [], []
-    for one, other in zip(summaries, others, strict=True):
-        if one.measures is None or other.measures is None:
-            raise ValueError("episodes without measures")
-        if one.completed and other.completed:
-            mine.append(one.measures.time)
-            theirs.append(other.measures.time)
-    return 1.0 - sum(mine) / sum(theirs) if theirs else None
+    pairs = zip(times, others, strict=True)
+    both = [(mine, other) for mine, other in pairs if mine is not None and other is not None]
+    if not both:
+        return None
+    return 1.0 - sum(mine for mine, _ in both) / sum(other for _, other in both)

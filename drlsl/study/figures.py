@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from drlsl.learning import FIGURES, moving_average
 from drlsl.study.result_tables import rows_of, sweep_rows
 from drlsl.study.results import Results
-from drlsl.study.statistics import convergence_window, interquartile_mean
+from drlsl.study.statistics import Estimate, convergence_window, estimate, interquartile_mean
 
 COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Told apart by people who do not see red or green. Source: Okabe and Ito, "Color universal design", 2008."""
@@ -23,8 +23,13 @@ STYLES: Final[tuple[str | tuple[int, tuple[int, ...]], ...]] = ("-", "--", "-.",
 """Told apart without colour, in print."""
 
 
+MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
+"""Told apart without colour."""
+
 PANELS: Final = 2
-"""Sweeps beside each other."""
+"""Panels beside each other."""
+
+FAULT_RATE: Final = "at_fault_per_1000_km"
 
 
 def training_figures(results: Results) -> Mapping[str, bytes]:
@@ -57,6 +62,64 @@ def sweep_figure(results: Results) -> bytes:
     for axes in panels.flat[len(sweeps) :]:
         axes.remove()
     return _png(figure, *panels.flat[0].get_legend_handles_labels())
+
+
+def outcome_figure(results: Results) -> bytes:
+    """Draw time saved against contacts at fault, as PNG: a panel for each test, a point for each method.
+
+    The lines through a point are the intervals over seeds; a hollow point is a method without the shield.
+    """
+    tests = results.study.tests
+    rows = math.ceil(len(tests) / PANELS)
+    figure = Figure(figsize=(8.0, 0.8 + 2.9 * rows), layout="constrained")
+    panels = figure.subplots(rows, min(PANELS, len(tests)), squeeze=False)
+    for axes, (test, scenario) in zip(panels.flat, tests.items(), strict=False):
+        for index, (name, method) in enumerate(results.study.methods.items()):
+            for shield in ("on", "off"):
+                found = rows_of(results.tests, method=name, test=test, shield=shield)
+                saved, fault = (found[key].astype(float).dropna() for key in ("time_saved", FAULT_RATE))
+                if len(saved) and len(fault):
+                    label = method.label if shield == "on" else None
+                    _point(
+                        axes,
+                        estimate([(100 * saved).tolist()]),
+                        estimate([fault.tolist()]),
+                        index,
+                        shield == "on",
+                        label,
+                    )
+        axes.set(title=scenario.label, xlabel="Time saved against lane keeping [%]")
+        axes.set_yscale("symlog", linthresh=1.0)
+        axes.set_ylim(bottom=-0.3)
+        axes.grid(alpha=0.3)
+    for axes in panels[:, 0]:
+        axes.set(ylabel="At fault in 1,000 km")
+    for axes in panels.flat[len(tests) :]:
+        axes.remove()
+    return _png(figure, *panels.flat[0].get_legend_handles_labels())
+
+
+def _point(axes: Axes, x: Estimate, y: Estimate, index: int, filled: bool, label: str | None) -> None:
+    colour = COLOURS[index % len(COLOURS)]
+    axes.errorbar(
+        x.value,
+        y.value,
+        xerr=_sides(x),
+        yerr=_sides(y),
+        color=colour,
+        marker=MARKERS[index % len(MARKERS)],
+        markerfacecolor=colour if filled else "white",
+        linestyle="none",
+        elinewidth=1.0,
+        label=label,
+    )
+
+
+def _sides(found: Estimate) -> list[list[float]] | None:
+    """Return the lengths of an interval's two sides; rounding must not make one negative."""
+    if found.low is None or found.high is None:
+        return None
+    return [[max(0.0, found.value - found.low)], [max(0.0, found.high - found.value)]]
 
 
 def _figure(results: Results, column: str, title: str) -> bytes:

@@ -19,6 +19,9 @@ from drlsl.study.paper import PaperMethod, PaperTest
 Name = Annotated[str, Field(pattern=r"^[a-z0-9]+([._-][a-z0-9]+)*$", max_length=60)]
 """Names of methods and tests are parts of file names."""
 
+KEEP = "keep"
+"""The driver whose time the others are compared with."""
+
 US_101 = re.compile(r"us-?101", re.IGNORECASE)
 """Paths of recordings of the paper's third scenario."""
 
@@ -137,6 +140,11 @@ class StudyConfig(Section):
     def runs(self) -> list["Run"]:
         """Methods with every seed, seed by seed, so that an interrupted study can compare finished seeds."""
         return [Run(method, seed) for seed in range(self.seeds) for method in self.methods]
+
+    @property
+    def baseline(self) -> str | None:
+        """The method whose time the others are compared with: the first that keeps its lane."""
+        return next((name for name, method in self.methods.items() if method.driver == KEEP), None)
 
     @property
     def learnt(self) -> list[str]:

@@ -11,7 +11,7 @@ from drlsl.learning import FIGURES
 from drlsl.study import result_tables as tables
 from drlsl.study import statistics
 from drlsl.study.claims import agreement, claims
-from drlsl.study.figures import sweep_figure, training_figures
+from drlsl.study.figures import outcome_figure, sweep_figure, training_figures
 from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import StudyConfig, dump_study, make_study
 from drlsl.study.render import Block, Heading, Listing, Paragraph, Picture, markdown, page
@@ -48,6 +48,7 @@ def write_report(folder: StudyFolder) -> Path:
 
 def _blocks(results: Results) -> Iterator[Block]:
     yield Heading(1, TITLE)
+    yield from _outcome(results)
     yield from _summary(results)
     yield from _table_1(results)
     yield from _training(results)
@@ -60,6 +61,18 @@ def _blocks(results: Results) -> Iterator[Block]:
     yield Heading(2, WALL_TIME)
     yield Paragraph("Minutes of one process per seed, as measured by the runs themselves.")
     yield tables.wall_time(results)
+
+
+def _outcome(results: Results) -> Iterator[Block]:
+    """Yield the first picture, if anything can be compared with lane keeping."""
+    if not results.tests["time_saved"].notna().any():
+        return
+    caption = (
+        "Quick and safe: the share of lane keeping's time that each method saves, over the episodes that "
+        "both completed, against its contacts at fault. Filled: with the shield; hollow: without. The lines "
+        f"are {statistics.LEVEL:.0%} intervals over seeds."
+    )
+    yield Picture("figures/outcome.png", caption, outcome_figure(results))
 
 
 def _summary(results: Results) -> Iterator[Block]:

@@ -36,10 +36,12 @@ MEASURES: Mapping[str, tuple[str, Callable[[pd.DataFrame], "pd.Series[float]"], 
     ),
     "off_road": ("off-road", lambda rows: rows["off_road"] / rows["episodes"], ".3f"),
     "interventions": ("interventions", lambda rows: rows["interventions"], ".2%"),
+    "time_saved": ("time saved", lambda rows: rows["time_saved"].astype(float), ".1%"),
+    "jerk_rms": ("RMS jerk [m/s³]", lambda rows: rows["jerk_rms"].astype(float), ".2f"),
 }
 """Quantities estimated over seeds: per episode, interventions per step."""
 
-COMPARABLE = ("lane_changes", "contacts_at_fault", "off_road", "interventions")
+COMPARABLE = ("lane_changes", "contacts_at_fault", "off_road", "interventions", "time_saved", "jerk_rms")
 """Measures that mean the same in every test; returns and steps depend on its frame rate."""
 
 
@@ -248,7 +250,7 @@ def wall_time(results: Results) -> Table:
     tested = pd.concat([results.tests[["method", "wall_s"]], results.sweeps[["method", "wall_s"]]])
     rows = []
     for name in results.study.methods:
-        seeds = max(1, rows_of(results.tests, method=name)["seed"].nunique(), len(seeds_of(results, name)))
+        seeds = max(1, len(seeds_of(results, name)))
         rows.append(
             {
                 "method": name,
@@ -269,8 +271,9 @@ def rows_of(frame: pd.DataFrame, **values: object) -> pd.DataFrame:
 
 
 def seeds_of(results: Results, method: str) -> list[int]:
-    """Return seeds of a method's finished trainings."""
-    return sorted(rows_of(results.training, method=method)["seed"].unique().tolist())
+    """Return the seeds of a method's finished trainings, or tests if it needs no training."""
+    frame = results.training if method in results.study.learnt else results.tests
+    return sorted(rows_of(frame, method=method)["seed"].unique().tolist())
 
 
 def _last_tenth(frame: pd.DataFrame) -> pd.DataFrame:

@@ -65,7 +65,15 @@ def test_eval_prints_a_table_of_totals(capsys: pytest.CaptureFixture[str]) -> No
     assert run(["eval", "run", "--track-length", "300", "--direction", "left_to_right"]) == 0
     out = capsys.readouterr().out
     assert "2 episodes, highway-train, left_to_right" in out
-    for label in ("lane changes", "ego at fault", "[m/s]", "off-road", "interventions", "fail-safe"):
+    for label in (
+        "lane changes",
+        "at fault",
+        "time saved",
+        "[m/s]",
+        "off-road",
+        "interventions",
+        "fail-safe",
+    ):
         assert label in out
     (kept, _) = RunFolder.open(Path("run")).evaluations()
     assert kept["env"]["track_length"] == 300.0
@@ -92,7 +100,7 @@ def printed_config(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[
 
 def test_later_settings_win(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "my.yaml").write_text("episodes: 7\nseed: 7\nmethod: dqn\nthreads: 7\n")
-    assert printed_config(capsys)["episodes"] == 60
+    assert printed_config(capsys)["episodes"] == 300
     assert printed_config(capsys, "--preset", "paper")["episodes"] == 1_500
     found = printed_config(
         capsys,
@@ -172,7 +180,7 @@ def test_resume_refuses_other_settings(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_eval_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no run here" in refused(capsys, "eval", "nowhere")
+    assert "expected a run folder" in refused(capsys, "eval", "nowhere")
     assert "episodes" in refused(capsys, "eval", "nowhere", "--episodes", "0")
     assert list(tmp_path.iterdir()) == []
 

@@ -8,7 +8,7 @@ from drlsl.driving.drivers import Situations
 from drlsl.driving.simulation import EpisodeMeasures
 from drlsl.learning import ShieldState, as_record, drive
 from drlsl.learning.episode import EVALUATION_STREAM, TRAINING_STREAM, EpisodeSummary, episode_seed
-from drlsl.learning.totals import time_saved, totals
+from drlsl.learning.totals import time_saved, times_of, totals
 
 from .fake import fakes
 
@@ -182,13 +182,14 @@ def test_totals_of_measures() -> None:
 def test_time_is_saved_where_both_complete() -> None:
     others = [measured(20.0), measured(20.0), measured(5.0, contact=True), measured(10.0)]
     mine = [measured(18.0), measured(3.0, off_road=True), measured(20.0), measured(9.0)]
-    assert time_saved(mine, others) == pytest.approx(0.1)
-    assert time_saved(others, others) == 0.0
-    assert time_saved(mine[1:2], others[1:2]) is None
-    with pytest.raises(ValueError, match="without measures"):
-        time_saved([summary()], [summary()])
+    saved = time_saved(times_of(mine), times_of(others))
+    assert saved == pytest.approx(0.1)
+    assert times_of(mine) == [18.0, None, 20.0, 9.0]
+    assert time_saved(times_of(others), times_of(others)) == 0.0
+    assert time_saved([None], [20.0]) is None
+    assert times_of([summary()]) == [None]
     with pytest.raises(ValueError, match="shorter"):
-        time_saved(mine, others[:2])
+        time_saved(times_of(mine), times_of(others)[:2])
 
 
 def test_a_record_holds_totals_and_episodes() -> None:

@@ -16,13 +16,22 @@ SWEEP = {"label": "latency [s]", "test": "freeway", "setting": "sensing.latency"
 LATE = {"label": "late", "train": {"env": {"sensing": {"latency": 0.2}}}}
 
 
-@pytest.mark.parametrize("name", study_presets())
+@pytest.mark.parametrize("name", ["full", "paper", "smoke"])
 def test_presets_are_what_the_paper_compares(name: str) -> None:
     preset = preset_study(name)
     assert {method.paper for method in preset.methods.values()} >= set(METHODS)
     rules = {preset.training(Run(method, 0)).env.rules for method in preset.methods}
     assert rules == {(), ("paper.pl",)}
     assert set(preset.tests) == {"left-to-right", "right-to-left", "freeway", "freeway-reactive"}
+
+
+def test_the_benchmark_sets_learnt_drivers_beside_others() -> None:
+    preset = preset_study("benchmark")
+    assert set(study_presets()) == {"benchmark", "full", "paper", "smoke"}
+    assert {method.driver for method in preset.methods.values()} == {None, "keep", "always-change", "mobil"}
+    assert preset.baseline == "keep"
+    for run in preset.runs[: len(preset.methods)]:
+        assert preset.test_env(run, "overtake-test").decision_period == 1.0
 
 
 def test_the_paper_preset_has_the_papers_numbers() -> None:
