@@ -1,6 +1,7 @@
 """Drivers without learning beside the methods, and what the benchmark says of them."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,7 @@ from tests.learning.test_evaluation import measured
 
 from .fake import INPUTS
 
-TIMES = {
+TIMES: dict[str, list[float | None]] = {
     "keep": [20.0, 20.0, None, 10.0],
     "mobil": [16.0, None, 15.0, 8.0],
     "always-change": [22.0, 22.0, 9.0, 11.0],
@@ -43,8 +44,8 @@ def folder(tmp_path: Path) -> StudyFolder:
             times = TIMES[task.run.method]
             summaries = [measured((time or 1.0) * slower, contact=time is None) for time in times]
             records.append(as_record(summaries, env={}, shield=shield, seed=task.run.seed))
-        maker = {"machine": "2 cores", "python": "3", "packages": {"drlsl": "1"}, "wall_s": 1.0}
-        made.finish(task, {**maker, "evaluations": records})
+        maker: dict[str, Any] = {"machine": "2 cores", "python": "3", "packages": {"drlsl": "1"}}
+        made.finish(task, {**maker, "wall_s": 1.0, "evaluations": records})
     return made
 
 
