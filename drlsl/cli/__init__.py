@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from drlsl.cli import bench, data, evaluate, query, rules, stress, study, train
+from drlsl.cli import bench, data, evaluate, export, query, rules, stress, study, train
 from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import PrologError
@@ -49,6 +49,7 @@ def _program(
 app.command()(train.train)
 app.command()(study.study)
 app.command("eval")(evaluate.evaluate)
+app.command()(export.export)
 app.command()(query.query)
 app.command()(stress.stress)
 app.add_typer(data.app, name="data")

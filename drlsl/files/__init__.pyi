@@ -1,7 +1,16 @@
 from .lock import FolderLock
 from .plain_text import parse_json, printable, read_text, to_json
 from .problems import problem_text
-from .seal import DamagedError, check_text, open_archive, open_values, seal_archive, seal_text, seal_values
+from .seal import (
+    DamagedError,
+    check_text,
+    digest,
+    open_archive,
+    open_values,
+    seal_archive,
+    seal_text,
+    seal_values,
+)
 from .user_code import find_object, refuse_while_loading, users_code
 from .whole_file import write_atomic, written_whole
 from .yaml_file import Location, YamlFile, parse_yaml, read_yaml, shown, to_yaml
@@ -12,6 +21,7 @@ __all__ = [
     "Location",
     "YamlFile",
     "check_text",
+    "digest",
     "find_object",
     "open_archive",
     "open_values",

@@ -27,6 +27,14 @@ class DamagedError(ValueError):
         return "the checksum does not match the content"
 
 
+def digest(paths: list[Path]) -> str:
+    """Return the SHA-256 over the contents of files, in order."""
+    total = hashlib.sha256()
+    for path in paths:
+        total.update(hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()
+
+
 def seal_archive(content: bytes) -> bytes:
     """Add the checksum of a ZIP archive, such as `torch.save` writes, as its comment."""
     if not content.endswith(b"\0\0"):

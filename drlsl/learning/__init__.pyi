@@ -16,6 +16,7 @@ from .evaluation import EVALUATION_KEY, ShieldState, as_record, drive, make_eval
 from .figures import FIGURES, moving_average
 from .fleet import VectorHighway, space_sizes
 from .network_factory import factory_file
+from .onnx_export import export_onnx
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
 from .totals import Totals, time_saved, times_of
@@ -41,6 +42,7 @@ __all__ = [
     "as_record",
     "drive",
     "dump_yaml",
+    "export_onnx",
     "factory_file",
     "greedy_choice",
     "load_driver",

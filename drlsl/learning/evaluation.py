@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
-from drlsl.driving import EnvConfig
+from drlsl.driving import EnvConfig, HighwayVectorEnv
 from drlsl.driving.drivers import Driver, most_wanted
 from drlsl.learning.episode import EVALUATION_STREAM, EpisodeSummary, all_actions, rule_safe_actions
 from drlsl.learning.fleet import Fleet, VectorHighway
@@ -21,7 +21,7 @@ SIDE_BY_SIDE: Final = 25
 """Episodes of an evaluation that are driven in step."""
 
 
-def make_evaluation_env(config: EnvConfig) -> VectorHighway:
+def make_evaluation_env(config: EnvConfig) -> HighwayVectorEnv:
     """Return the environments to evaluate policies in.
 
     Raises:

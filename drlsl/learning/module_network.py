@@ -108,6 +108,11 @@ class ModuleNetwork:
         self._set_mode(training=self._drawn)
         return self._run(observations, learning=False)
 
+    def as_module(self) -> nn.Module:
+        """Return the module, in the mode of evaluation and on the processor, for rows of observations."""
+        module = _copied(self.module, self._name).eval().cpu()
+        return nn.Sequential(nn.Unflatten(1, self._shape), module) if len(self._shape) > 1 else module
+
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
         """Return the Q-values, from which `backward` starts. Shape: (B, S) to (B, A)."""
         self._set_mode(training=True)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from drlsl.driving.drivers import Situations
 from drlsl.errors import UserError
@@ -34,6 +35,9 @@ class Network(Protocol):
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return Q-values. Shape: (B, S) to (B, A)."""
+
+    def as_module(self) -> nn.Module:
+        """Return a module with the same values. Shape: (B, S) to (B, A)."""
 
     def forward(self, observations: torch.Tensor) -> Sequence[torch.Tensor]:
         """Return what `backward` needs, the Q-values last."""
@@ -108,6 +112,15 @@ class QNetwork:
     def values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return Q-values. Shape: (B, S) to (B, A)."""
         return self.forward(observations)[-1]
+
+    def as_module(self) -> nn.Module:
+        """Return linear layers of PyTorch with ReLU between them, on the processor."""
+        parts: list[nn.Module] = []
+        for layer in self.layers:
+            linear = nn.Linear(*layer.weight.shape)
+            linear.load_state_dict({"weight": layer.weight.t(), "bias": layer.bias})
+            parts += [linear, nn.ReLU()]
+        return nn.Sequential(*parts[:-1])
 
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
         """Return the output of each layer, hidden layers after their ReLU; the Q-values are last.
@@ -339,6 +352,10 @@ class Policy:
         values = self._network.values(torch.from_numpy(observations).to(self._device))
         result: NDArray[np.float32] = values.cpu().numpy()
         return result
+
+    def module(self) -> nn.Module:
+        """Return a module with the same values: rows of observations in, Q-values out."""
+        return self._network.as_module()
 
     def preferences(self, situations: Situations) -> NDArray[np.float32]:
         """Return the Q-values of what is seen, as a driver.

@@ -1,6 +1,5 @@
 """The folder of a study: a task is done when its result is here, so a resumed study does what is missing."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -172,14 +171,6 @@ class StudyFolder:
         if task.test is None:
             return self.run_path(task.run) / DONE
         return self.root / EVALUATIONS / f"{task.name}.json"
-
-
-def digest(paths: list[Path]) -> str:
-    """Return the SHA-256 over the contents of files, in order."""
-    total = hashlib.sha256()
-    for path in paths:
-        total.update(hashlib.sha256(path.read_bytes()).digest())
-    return total.hexdigest()
 
 
 def _inputs_to_resume_with(root: Path, study: StudyConfig, inputs: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -12,6 +12,7 @@ from drlsl.driving import EnvConfig
 from drlsl.driving.drivers import DRIVERS, Driver
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
+from drlsl.files import digest
 from drlsl.learning import (
     CHECKPOINT,
     NetworkConfig,
@@ -25,7 +26,7 @@ from drlsl.learning import (
     make_evaluation_env,
 )
 from drlsl.study.computer import processors
-from drlsl.study.folder import StudyFolder, digest
+from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import Run, StudyConfig, Task
 from drlsl.traffic import find_source
 from drlsl.version import __version__
@@ -155,12 +156,7 @@ def _driver_digests(name: str | None) -> dict[str, str]:
 
 def _rule_digests(env: EnvConfig) -> dict[str, str]:
     """Return the digests of the rule program's files, by name."""
-    shield = Shield.from_files(env.rules)
-    shield.prepare()
-    engine = shield.engine
-    clauses = (clause for key in engine.predicates() for clause in engine.clauses(*key))
-    files = {Path(clause.span.name) for clause in clauses if clause.span is not None}
-    return {f"rules/{path.name}": digest([path]) for path in sorted(files)}
+    return {f"rules/{path.name}": digest([path]) for path in Shield.from_files(env.rules).files()}
 
 
 def _recording_digests(recordings: Sequence[str]) -> dict[str, str]:

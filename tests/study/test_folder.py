@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from drlsl.errors import UserError
+from drlsl.files import digest
 from drlsl.learning.rundir import CONFIG
 from drlsl.study import StudyFolder
-from drlsl.study.folder import Failure, digest
+from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
 from drlsl.study.results import collect
 

@@ -6,9 +6,9 @@ import pytest
 
 from drlsl.cli import run
 from drlsl.errors import UserError
+from drlsl.files import digest
 from drlsl.learning.config import merged
 from drlsl.study import StudyConfig, StudyFolder, inputs_of, perform, preset_study
-from drlsl.study.folder import digest
 from drlsl.study.plan import Run, Task, make_study
 from drlsl.study.results import collect
 from tests.learning import networks

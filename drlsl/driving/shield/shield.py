@@ -114,6 +114,12 @@ class Shield:
         """The engine with the program."""
         return self._interpreter.engine
 
+    def files(self) -> list[Path]:
+        """Return the rule files that the program's clauses come from, in the order of their names."""
+        self.prepare()
+        clauses = (clause for key in self.engine.predicates() for clause in self.engine.clauses(*key))
+        return sorted({Path(clause.span.name) for clause in clauses if clause.span is not None})
+
     @property
     def observation(self) -> ObservationSpace:
         """The names and bounds of the numbers that `state/1` gives."""
