@@ -17,7 +17,8 @@
 % at 30 m/s and 40 m/s, 247.6 m from bumper to bumper are needed (docs/driving.md).
 %
 % Every program must have: safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
-% state(Observation), entry_is_safe.  Optional: lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
+% state(Observation), entry_is_safe.  Optional: state_names(Names) and state_bounds(Bounds), without which state/1 gives the paper's
+% ten numbers from 0 to 1; lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
 
 :- dynamic(vehicle/8).
 :- dynamic(road_lane/5).

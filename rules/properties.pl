@@ -85,26 +85,41 @@ violates(front_is_free) :- front_is_free, \+ in(alone, front_is_free).
 
 % ------------------------------------------------------------------------------------------- observation, symmetry
 
-property(observation_in_range, 'the observation is ten numbers from 0 to 1').
-violates(observation_in_range) :- \+ state([_, _, _, _, _, _, _, _, _, _]).
-violates(observation_in_range) :- state(Numbers), member(Number, Numbers), Number < 0.0.
-violates(observation_in_range) :- state(Numbers), member(Number, Numbers), Number > 1.0.
+% Programs without state_names/1 and state_bounds/1 have those of the paper: ten numbers from 0 to 1.
+property(observation_in_range, 'the observation is a number for each name, within its bounds').
+violates(observation_in_range) :- state_bounds(Bounds), \+ ( state(Numbers), spec_within(Numbers, Bounds) ).
 
 property(left_is_as_right, 'in the mirror image, left and right change places and nothing else changes').
 violates(left_is_as_right) :- spec_mirrored_action(Action, Other), safe_actions(Action), \+ in(mirrored, safe_actions(Other)).
 violates(left_is_as_right) :- spec_mirrored_action(Action, Other), in(mirrored, safe_actions(Action)), \+ safe_actions(Other).
 violates(left_is_as_right) :- longitudinal_velocity(V), in(mirrored, longitudinal_velocity(V1)), V =\= V1.
 violates(left_is_as_right) :-
-    state([F, FR, R, BR, B, BL, L, FL, _, V]), in(mirrored, state([F1, FR1, R1, BR1, B1, BL1, L1, FL1, _, V1])),
-    ( F =\= F1 ; FR =\= FL1 ; R =\= L1 ; BR =\= BL1 ; B =\= B1 ; BL =\= BR1 ; L =\= R1 ; FL =\= FR1 ; V =\= V1 ).
+    state_names(Names), state(Numbers), in(mirrored, state(Others)), \+ spec_mirrored(Names, Numbers, Names, Others).
 
 property(both_directions_alike, 'with the road turned round nothing changes').
 violates(both_directions_alike) :- safe_actions(Action), \+ in(turned, safe_actions(Action)).
 violates(both_directions_alike) :- in(turned, safe_actions(Action)), \+ safe_actions(Action).
 violates(both_directions_alike) :- longitudinal_velocity(V), in(turned, longitudinal_velocity(V1)), V =\= V1.
 violates(both_directions_alike) :-
-    state([F, FR, R, BR, B, BL, L, FL, P, V]), in(turned, state([F1, FR1, R1, BR1, B1, BL1, L1, FL1, P1, V1])),
-    ( F =\= F1 ; FR =\= FR1 ; R =\= R1 ; BR =\= BR1 ; B =\= B1 ; BL =\= BL1 ; L =\= L1 ; FL =\= FL1 ; P =\= P1 ; V =\= V1 ).
+    state(Numbers), in(turned, state(Others)), \+ spec_alike(Numbers, Others).
+
+% spec_within(Numbers, Bounds): there is a number for each of the bounds, and it lies within.
+spec_within([], []).
+spec_within([Number|Numbers], [Low - High|Bounds]) :- Number >= Low, Number =< High, spec_within(Numbers, Bounds).
+
+% spec_alike(Numbers, Others): the numbers are equal one by one.
+spec_alike([], []).
+spec_alike([Number|Numbers], [Other|Others]) :- Number =:= Other, spec_alike(Numbers, Others).
+
+% spec_mirrored(Names, Numbers, OtherNames, Others): each number equals the one of the other name that is its mirror image.
+spec_mirrored([], [], _, _).
+spec_mirrored([Name|Names], [Number|Numbers], OtherNames, Others) :-
+    ( spec_mirrored_name(Name, Other) -> spec_named(Other, OtherNames, Others, Number1), Number =:= Number1 ; true ),
+    spec_mirrored(Names, Numbers, OtherNames, Others).
+
+% spec_named(Name, Names, Numbers, Number): the number of this name.
+spec_named(Name, [Name|_], [Number|_], Number).
+spec_named(Name, [_|Names], [_|Numbers], Number) :- spec_named(Name, Names, Numbers, Number).
 
 % ------------------------------------------------------------------------------- images; spec.pl has "alone" too
 
@@ -132,3 +147,25 @@ spec_turned(right_to_left, left_to_right).
 spec_mirrored_action(lane_keeping, lane_keeping).
 spec_mirrored_action(left_lane_change, right_lane_change).
 spec_mirrored_action(right_lane_change, left_lane_change).
+
+% spec_mirrored_name(Name, Other): what is Name of an observation is Other in the mirror image; the place of the lane has no such name.
+spec_mirrored_name(front, front).
+spec_mirrored_name(back, back).
+spec_mirrored_name(speed, speed).
+spec_mirrored_name(front_faster, front_faster).
+spec_mirrored_name(back_faster, back_faster).
+spec_mirrored_name(own_limit, own_limit).
+spec_mirrored_name(left, right).
+spec_mirrored_name(right, left).
+spec_mirrored_name(front_left, front_right).
+spec_mirrored_name(front_right, front_left).
+spec_mirrored_name(back_left, back_right).
+spec_mirrored_name(back_right, back_left).
+spec_mirrored_name(front_left_faster, front_right_faster).
+spec_mirrored_name(front_right_faster, front_left_faster).
+spec_mirrored_name(back_left_faster, back_right_faster).
+spec_mirrored_name(back_right_faster, back_left_faster).
+spec_mirrored_name(left_limit, right_limit).
+spec_mirrored_name(right_limit, left_limit).
+spec_mirrored_name(left_offered, right_offered).
+spec_mirrored_name(right_offered, left_offered).

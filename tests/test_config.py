@@ -50,7 +50,8 @@ def test_the_defaults_are_the_papers() -> None:
 def test_the_paper_preset_prints_the_papers_target() -> None:
     paper = make_config(preset_values("paper"), "preset")
     assert paper.learning.bootstrap == "all"
-    expected = merged(make_config({}, "test").model_dump(), {"learning": {"bootstrap": "all"}})
+    given = {"learning": {"bootstrap": "all"}, "env": {"rules": ["paper_observation.pl"]}}
+    expected = merged(make_config({}, "test").model_dump(), given)
     assert paper == make_config(expected, "test")
 
 

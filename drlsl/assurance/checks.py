@@ -10,15 +10,11 @@ from typing import Any, Final, TypeAlias
 
 from drlsl.assurance.case_rows import Staging
 from drlsl.driving import shield
-from drlsl.driving.explain import SECTIONS
 from drlsl.driving.scene import Scene
 from drlsl.logic import Compound
 from drlsl.lowering.frontend import Mode
 
 Solutions: TypeAlias = Sequence[Mapping[str, Any]]
-
-OBSERVED: Final = (*SECTIONS, "lane", "speed")
-"""Names of the ten numbers of an observation."""
 
 
 @dataclass(frozen=True)
@@ -115,15 +111,16 @@ class Equals(Check):
 
 @dataclass(frozen=True)
 class Observed(Check):
-    """Some of the ten numbers of an observation, by their place in it."""
+    """Some of the numbers of an observation, each by its place among the `names`."""
 
+    names: tuple[str, ...]
     wanted: tuple[tuple[str, float], ...]
     tolerance: float
 
     def agrees(self, found: Solutions) -> bool:
         numbers = self._numbers(found)
-        return len(numbers) == len(OBSERVED) and all(
-            alike(value, numbers[OBSERVED.index(name)], self.tolerance) for name, value in self.wanted
+        return len(numbers) == len(self.names) and all(
+            alike(value, numbers[self.names.index(name)], self.tolerance) for name, value in self.wanted
         )
 
     def expected(self) -> str:
@@ -131,9 +128,9 @@ class Observed(Check):
 
     def given(self, found: Solutions) -> str:
         numbers = self._numbers(found)
-        if len(numbers) != len(OBSERVED):
+        if len(numbers) != len(self.names):
             return shown(numbers) if found else "no solution"
-        return ", ".join(f"{name} {shown(numbers[OBSERVED.index(name)])}" for name, _ in self.wanted)
+        return ", ".join(f"{name} {shown(numbers[self.names.index(name)])}" for name, _ in self.wanted)
 
     @staticmethod
     def _numbers(found: Solutions) -> list[Any]:

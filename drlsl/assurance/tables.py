@@ -35,7 +35,6 @@ from drlsl.traffic import Direction
 
 ActionWord = Literal["keep", "left", "right"]
 Section = Literal["front", "front_right", "right", "back_right", "back", "back_left", "left", "front_left"]
-Observable = Literal[Section, "lane", "speed"]
 Bindings: TypeAlias = dict[str, Any]
 
 SUFFIX: Final = ".test.yaml"
@@ -64,7 +63,7 @@ class CaseRow(Row):
     front_is_free: bool | None = None
     entry_is_safe: bool | None = None
     lane_to_keep: Literal["left", "own", "right"] | int | None = None
-    observation: dict[Observable, float] | None = None
+    observation: dict[str, float] | None = None
     sections: dict[Section, str | None] | None = None
     objections: dict[Literal["left", "right"], list[str]] | None = None
     goals: dict[str, bool | Bindings | list[Bindings]] | None = None
@@ -81,8 +80,8 @@ def tables_of(rules: Sequence[Path]) -> list[Path]:
     ]
 
 
-def load_table(path: Path) -> list[Case]:
-    """Return the cases of a table.
+def load_table(path: Path, observed: Sequence[str]) -> list[Case]:
+    """Return the cases of a table; `observed` are the names of the numbers of `state/1`.
 
     Raises:
         UserError: the file cannot be read or does not describe scenes; the message names file, line and key.
@@ -97,23 +96,29 @@ def load_table(path: Path) -> list[Case]:
     if not isinstance(scenes, list) or not scenes:
         raise file.error(["scenes"], "scenes: expected a list of scenes")
     base = {key: value for key, value in file.values.items() if key in _BASE}
-    return [case for index, scene in enumerate(scenes) for case in _scene_cases(file, base, index, scene)]
+    return [
+        case
+        for index, scene in enumerate(scenes)
+        for case in _scene_cases(file, base, index, scene, tuple(observed))
+    ]
 
 
-def _scene_cases(file: YamlFile, base: Mapping[str, Any], index: int, scene: object) -> Iterator[Case]:
+def _scene_cases(
+    file: YamlFile, base: Mapping[str, Any], index: int, scene: object, observed: tuple[str, ...]
+) -> Iterator[Case]:
     place: list[int | str] = ["scenes", index]
     if not isinstance(scene, dict):
         raise file.error(place, "expected a scene: keys such as scene, ego, vehicles, actions")
     rows = scene.get("rows")
     below = laid_over(base, {key: value for key, value in scene.items() if key != "rows"})
     if rows is None:
-        yield from _cases(file, _checked_row(file, below, place, place), place)
+        yield from _cases(file, _checked_row(file, below, place, place), place, observed)
         return
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise file.error([*place, "rows"], "rows: expected a list of overrides of this scene")
     for number, row in enumerate(rows):
         own = [*place, "rows", number]
-        yield from _cases(file, _checked_row(file, laid_over(below, row), place, own), own)
+        yield from _cases(file, _checked_row(file, laid_over(below, row), place, own), own, observed)
 
 
 def _checked_row(
@@ -140,11 +145,17 @@ def laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
 _PLACES: Final = {"ahead", "behind", "offset"}
 
 
-def _cases(file: YamlFile, row: CaseRow, place: Sequence[int | str]) -> Iterator[Case]:
+def _cases(
+    file: YamlFile, row: CaseRow, place: Sequence[int | str], observed: tuple[str, ...]
+) -> Iterator[Case]:
     """Yield the case of a row in each direction of travel."""
     where = f"{file.name}:{file.line(place)}"
     if EGO in row.vehicles:
         raise file.error([*place, "vehicles", EGO], f"vehicles: {EGO!r} is the ego's own name")
+    for name in row.observation or ():
+        if name not in observed:
+            known = f"the rules observe {', '.join(observed)}"
+            raise file.error([*place, "observation", name], f"observation.{name}: {known}")
     vehicles = {name: vehicle for name, vehicle in row.vehicles.items() if vehicle is not None}
     asked = row.model_fields_set - {"scene", "row", *_BASE}
     if not asked:
@@ -155,14 +166,14 @@ def _cases(file: YamlFile, row: CaseRow, place: Sequence[int | str]) -> Iterator
         staging = Staging(row.road, row.ego, vehicles, direction)
         try:
             scene = staging.scene()
-            checks = tuple(_checks(row, direction))
+            checks = tuple(_checks(row, direction, observed))
         except ValueError as error:
             raise UserError(f"{where}: {row.scene}: {error}") from error
         name = " / ".join(filter(None, (row.scene, row.row)))
         yield Case(where, f"{name} ({direction.value})", scene, checks, row.fails, staging)
 
 
-def _checks(row: CaseRow, direction: Direction) -> Iterator[Check]:
+def _checks(row: CaseRow, direction: Direction, observed: tuple[str, ...]) -> Iterator[Check]:
     if row.actions is not None:
         wanted = tuple(_ACTIONS[word] for word in row.actions)
         yield Offered("actions", ACTIONS, wanted)
@@ -176,7 +187,7 @@ def _checks(row: CaseRow, direction: Direction) -> Iterator[Check]:
         lane = layout.lane_id(layout.number(row.lane_to_keep, layout.number(row.ego.lane, 0)))
         yield Equals("lane_to_keep", LANE, lane, 0.0)
     if row.observation:
-        yield Observed("observation", OBSERVATION, tuple(row.observation.items()), row.tolerance)
+        yield Observed("observation", OBSERVATION, observed, tuple(row.observation.items()), row.tolerance)
     if row.sections:
         yield from _section_checks(row.sections)
     for side, reasons in (row.objections or {}).items():

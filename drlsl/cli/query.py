@@ -241,7 +241,7 @@ def _report(
 
 def _observation_lines(observed: Iterable[tuple[str, float]]) -> Iterator[str]:
     """Yield the lines of the observation in the text output: names and numbers, two pairs in a line."""
-    cells = [f"{printable(name):<16} {number:6.3f}" for name, number in observed]
+    cells = [f"{printable(name):<18} {number:6.3f}" for name, number in observed]
     yield "observation"
     yield from (f"  {'   '.join(cells[start : start + 2])}" for start in range(0, len(cells), 2))
 

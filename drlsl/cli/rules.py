@@ -38,11 +38,11 @@ class Tier(StrEnum):
 def check(files: RuleFiles = None) -> None:
     """Report which tiers can run each predicate, and every finding; exit status 1 if there is one."""
     from drlsl.driving.scene import SCHEMA
-    from drlsl.driving.shield import ASKED, unknown_actions
+    from drlsl.driving.shield import ASKED, BOUNDS, NAMES, query_of, unknown_actions
     from drlsl.lowering import Finding, check_program
 
     engine = _load(files)
-    report = check_program(engine, SCHEMA, ASKED)
+    report = check_program(engine, SCHEMA, (*ASKED, query_of(NAMES), query_of(BOUNDS)))
     wrong = [*unknown_actions(engine), *_observation_slips(engine)]
     slips = [Finding(place, problem, error=True) for place, problem in wrong]
     report = replace(report, findings=(*report.findings, *slips))

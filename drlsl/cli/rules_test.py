@@ -69,7 +69,7 @@ def run_tables(
     if not chosen:
         wanted = " or ".join(f"{rule.with_suffix('')}.test.yaml" for rule in rules)
         raise UserError(f"no table of scenes: expected {_near(wanted)}, or name one with --tables")
-    cases = [case for table in chosen for case in load_table(table)]
+    cases = [case for table in chosen for case in load_table(table, shield.observation.names)]
     outcome = run_cases(shield, cases, tiers or [ArrayTier.NUMPY])
     reached = measure(Shield.from_files(rules), cases, rules)[0] if coverage else None
     mutants = None

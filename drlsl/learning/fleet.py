@@ -31,6 +31,10 @@ class HasSpaces(Protocol):
     def single_action_space(self) -> gymnasium.Space[Any]:
         """Space of one environment's actions."""
 
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The names of the numbers of an observation."""
+
 
 class VectorHighway(Protocol):
     """The interface of environments to train in: Gymnasium's VectorEnv, with a state to resume from."""
@@ -39,6 +43,10 @@ class VectorHighway(Protocol):
     metadata: dict[str, Any]
     single_observation_space: gymnasium.Space[Any]
     single_action_space: gymnasium.Space[Any]
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The names of the numbers of an observation."""
 
     def reset(
         self, *, seed: Sequence[int | None], options: dict[str, Any]

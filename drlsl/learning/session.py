@@ -1,5 +1,6 @@
 """A training run in its folder: starting, resuming and finishing it."""
 
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any, Self
 from gymnasium.vector import AutoresetMode
 
 from drlsl import driving
+from drlsl.driving.shield import PAPER_OBSERVATION
 from drlsl.errors import UserError
 from drlsl.files import FolderLock, refuse_while_loading
 from drlsl.learning.checkpoint import load_state, save_state
@@ -69,6 +71,7 @@ class Session(AbstractContextManager["Session"]):
                 f"{folder.root}: config.yaml was changed after the checkpoint; undo that, or use --force"
             )
         trainer = Trainer(make_training_env(folder.config), folder.config)
+        _check_observation(folder, folder.checkpoint, state, trainer.observes)
         try:
             trainer.set_state(state["trainer"])
         except ValueError as error:
@@ -108,6 +111,7 @@ class Session(AbstractContextManager["Session"]):
         state = {
             "config": self.folder.config.model_dump(mode="json"),
             "metrics": self.folder.sync_metrics(),
+            "observes": list(trainer.observes),
             "trainer": trainer.get_state(),
         }
         save_state(self.folder.checkpoint, "checkpoint", state)
@@ -119,6 +123,7 @@ class Session(AbstractContextManager["Session"]):
         state = {
             "episodes": trainer.finished,
             "network": trainer.agent.network.get_state(),
+            "observes": list(trainer.observes),
             "made_by": self.folder.config.network.model_dump(mode="json"),
         }
         save_state(self.folder.policy, "policy", state)
@@ -132,8 +137,8 @@ def load_policy(folder: RunFolder, env: HasSpaces) -> Policy:
     """Return the policy of a run's last checkpoint, for an environment with the same spaces.
 
     Raises:
-        UserError: the weights are missing, damaged, or of another network than config.yaml describes, or that
-            network cannot be made here.
+        UserError: the weights are missing, damaged, or of another network than config.yaml describes, that
+            network cannot be made here, or the policy observes other numbers than the environment gives.
     """
     state = load_state(folder.policy, "policy")
     config = folder.config
@@ -141,12 +146,43 @@ def load_policy(folder: RunFolder, env: HasSpaces) -> Policy:
     made_by = state.get("made_by")
     if made_by is not None and NetworkConfig.model_validate(made_by) != config.network:
         raise UserError(f"{folder.policy}: the weights do not fit the network of config.yaml")
+    _check_observation(folder, folder.policy, state, env.observation_names)
     agent, _ = make_learner(env.single_observation_space, env.single_action_space, config)
     try:
         agent.network.set_state(state["network"])
     except ValueError as error:
         raise UserError(f"{folder.policy}: {error}") from error
     return Policy(agent.network, resolve_device(config.device), config.network.window)
+
+
+def _check_observation(
+    folder: RunFolder, path: Path, state: Mapping[str, Any], given: tuple[str, ...]
+) -> None:
+    """Check that the rules give what an agent observes; files from before name nothing: the paper's numbers.
+
+    Raises:
+        UserError: they give other numbers; the message names the rules to judge the agent with.
+    """
+    observes = tuple(state.get("observes", PAPER_OBSERVATION.names))
+    if observes == given:
+        return
+    lacking = [name for name in observes if name not in given]
+    if lacking:
+        problem = f"the agent observes {lacking[0]}, which the rules do not give"
+    elif len(observes) != len(given):
+        problem = f"the agent observes {len(observes)} numbers, the rules give {len(given)}"
+    else:
+        problem = "the agent observes what the rules give, but in another order"
+    rules = folder.config.env.rules
+    if observes == PAPER_OBSERVATION.names:
+        rules = (*rules, "paper_observation.pl")
+    flags = " ".join(f"--rules {shlex.quote(file)}" for file in rules or ("highway.pl",))
+    judged = f"`drlsl eval {shlex.quote(str(folder.root))} {flags}`"
+    if path == folder.policy:
+        raise UserError(f"{path}: {problem}; judge it with {judged}")
+    raise UserError(
+        f"{path}: {problem}; {judged} judges it, and to train on, begin again with {flags} --force"
+    )
 
 
 def make_training_env(config: TrainConfig) -> VectorHighway:

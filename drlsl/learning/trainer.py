@@ -57,6 +57,8 @@ class Trainer:
         self._epsilon = epsilon_schedule(config)
         self._fleet = Fleet(env, episodes=config.episodes, seed=config.seed, window=config.network.window)
         self.agent, self._replay = make_learner(env.single_observation_space, env.single_action_space, config)
+        self.observes = env.observation_names
+        """The names of the numbers that the agent observes."""
         self.total_steps = 0
 
     @property

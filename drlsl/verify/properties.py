@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Final
 
 from drlsl.driving.scene import SCHEMA
-from drlsl.driving.shield import default_rules
+from drlsl.driving.shield import BOUNDS, NAMES, declared_observation, default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.core import Clause
 from drlsl.logic.loading import builtin, library
-from drlsl.logic.terms import Atom, Struct, deref
+from drlsl.logic.terms import Atom, Struct, deref, make_list
 from drlsl.lowering.frontend import Query
 from drlsl.lowering.ir import FLOAT_BOUND, Relation, Schema
 from drlsl.verify.images import expand, undefined_calls
@@ -79,9 +79,25 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     engine = consult_sealed(rules or default_rules(), properties or (default_properties(),))
     declared = _declared(engine)
     unknowns, ranges = _unknowns(engine)
+    _complete(engine)
     expand(engine)
     missing = _missing(engine, declared, _facts(unknowns))
     return Book(engine, declared, {**_ranges(engine), **ranges}, missing, unknowns)
+
+
+def _complete(engine: Engine) -> None:
+    """Define the names and the bounds of the observation where the rules leave them to the default.
+
+    Raises:
+        UserError: those that the rules define are not usable.
+    """
+    space = declared_observation(engine)
+    bounds = [Struct("-", pair) for pair in zip(space.low, space.high, strict=True)]
+    for question, items in ((NAMES, list(map(Atom, space.names))), (BOUNDS, bounds)):
+        if not engine.defines(question.name, question.arity):
+            engine.define(
+                question.name, 1, [Clause(Struct(question.name, (make_list(items),)), Atom("true"))]
+            )
 
 
 def _facts(unknowns: Iterable[str]) -> Schema:

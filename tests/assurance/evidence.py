@@ -13,7 +13,6 @@ from drlsl.assurance.checks import (
     ENTRY,
     LANE,
     OBSERVATION,
-    OBSERVED,
     SPEED,
     Case,
     Check,
@@ -25,6 +24,7 @@ from drlsl.assurance.checks import (
     Solves,
 )
 from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
 from tests.properties.oracle import SECTIONS, Oracle
 from tests.scenes import scenes
 
@@ -34,7 +34,8 @@ EXACT = 1e-9
 
 def table_cases(program: Path) -> list[Case]:
     """The cases of the tables beside a program."""
-    return [case for table in tables_of([program]) for case in load_table(table)]
+    names = Shield.from_files([program]).observation.names
+    return [case for table in tables_of([program]) for case in load_table(table, names)]
 
 
 def generated_scenes(count: int) -> list[Scene]:
@@ -68,8 +69,8 @@ def oracle_cases(count: int) -> list[Case]:
 def _checks(oracle: Oracle) -> Iterator[Check]:
     yield Offered("actions", ACTIONS, tuple(oracle.actions()))
     yield Equals("speed", SPEED, oracle.target_speed(), EXACT)
-    observation = tuple(zip(OBSERVED, oracle.observation(), strict=True))
-    yield Observed("observation", OBSERVATION, observation, EXACT)
+    observation = oracle.observation()
+    yield Observed("observation", OBSERVATION, tuple(observation), tuple(observation.items()), EXACT)
     yield Equals("lane", LANE, oracle.lane_to_keep(), 0.0)
     yield Holds("entry", ENTRY, oracle.is_safe("entry"))
     yield Holds("settled", Question("settled", "holds"), oracle.settled)

@@ -19,6 +19,7 @@ from drlsl.lowering.ir import NotLowerable
 from tests.assurance.evidence import RULES, generated_scenes, oracle_cases, table_cases
 from tests.driving.test_shield import SCENE
 
+NAMES = Shield.default().observation.names
 HIGHWAY, LEFT, PAPER = RULES / "highway.pl", RULES / "overtake_left.pl", RULES / "paper.pl"
 EVERY = 40
 
@@ -122,7 +123,7 @@ def test_survivors_are_told_with_place_and_text(program: Path) -> None:
 def test_a_row_that_would_notice_a_survivor(tmp_path: Path) -> None:
     table = tmp_path / "t.yaml"
     table.write_text("scenes:\n  - {scene: a free road, ego: {lane: 2}, target_speed: 20.12}\n")
-    cases = load_table(table)
+    cases = load_table(table, NAMES)
     tester = MutantTester([HIGHWAY], cases)
     (mutant,) = (
         m
@@ -134,7 +135,7 @@ def test_a_row_that_would_notice_a_survivor(tmp_path: Path) -> None:
     assert witness is not None
     assert witness.rules != witness.mutant
     table.write_text(f"scenes:\n  - {{scene: told, goals: {{x: true}}, rows: [{witness.row}]}}\n")
-    (case,) = load_table(table)
+    (case,) = load_table(table, NAMES)
     found = Interpreter(Shield.default()).ask(case.scene, Question(witness.goal, "all"))
     assert witness.rules in " | ".join(", ".join(map(shown, row.values())) for row in found)
 

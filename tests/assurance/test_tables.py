@@ -18,6 +18,8 @@ from drlsl.errors import UserError
 from drlsl.traffic import Direction
 from tests.assurance.evidence import RULES, table_cases
 
+NAMES = Shield.default().observation.names
+
 
 @pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
 def test_the_rules_that_ship_pass_their_tables_on_every_tier(program: str) -> None:
@@ -68,7 +70,7 @@ scenes:
 
 def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path) -> None:
     path = table(tmp_path, WRONG)
-    outcome = run_cases(Shield.default(), load_table(path))
+    outcome = run_cases(Shield.default(), load_table(path, NAMES))
     told = {(failure.place, failure.case, failure.what): failure for failure in outcome.failures}
     actions = told[f"{path}:6", "nobody else (left_to_right)", "actions"]
     assert actions.problem == (
@@ -115,6 +117,10 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
         ),
         ("scenes:\n  - actions: [keep]\n", ":2: scene is missing"),
         (
+            "scenes:\n  - scene: a\n    observation: {front: 1, fornt: 0}",
+            ":3: observation.fornt: the rules observe front, front_right, ",
+        ),
+        (
             "scenes:\n  - scene: a\n    ego: {lane: 1, sped: 3}\n    actions: []",
             ":3: ego.sped is not a key of a table",
         ),
@@ -139,16 +145,16 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
 def test_bad_tables_are_refused_with_file_line_and_reason(tmp_path: Path, text: str, message: str) -> None:
     path = table(tmp_path, text)
     with pytest.raises(UserError, match=message) as error:
-        load_table(path)
+        load_table(path, NAMES)
     assert str(error.value).startswith(str(path))
 
 
 def test_a_table_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="cannot read"):
-        load_table(tmp_path / "none.yaml")
+        load_table(tmp_path / "none.yaml", NAMES)
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe")
     with pytest.raises(UserError, match="not UTF-8"):
-        load_table(tmp_path / "bytes.yaml")
+        load_table(tmp_path / "bytes.yaml", NAMES)
 
 
 def test_rows_are_laid_over_scenes_and_scenes_over_the_file(tmp_path: Path) -> None:
@@ -166,7 +172,7 @@ scenes:
       - {vehicles: {a: {behind: 9.0}, b: null}, directions: left_to_right}
 """,
     )
-    (case,) = load_table(path)
+    (case,) = load_table(path, NAMES)
     scene = case.scene
     assert case.place == f"{path}:10"
     assert len(scene.road.lanes) == 2

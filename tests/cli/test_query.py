@@ -49,7 +49,7 @@ def test_the_answer_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
     assert objection["needed"] > objection["gap"]
     assert objection["missing"] == pytest.approx(objection["needed"] - objection["gap"])
     assert 0 < data["target_speed"] < 29.5
-    assert len(data["observation"]) == 10
+    assert len(data["observation"]) == len(data["observation_names"]) == 21
     assert data["sections"]["front"]["vehicle"] == "truck"
     assert data["sections"]["left"] is None
 

@@ -34,7 +34,7 @@ def test_gymnasium_accepts_it(env: HighwayEnv) -> None:
 def test_spaces_and_info(env: HighwayEnv) -> None:
     observation, info = env.reset(seed=3)
     assert observation.dtype == np.float32
-    assert observation.shape == (10,)
+    assert observation.shape == (len(env.shield.observation),) == (21,)
     assert env.observation_space.contains(observation)
     assert env.action_space == gymnasium.spaces.Discrete(3)
     assert_told(env, info, 0.0)

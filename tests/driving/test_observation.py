@@ -275,7 +275,7 @@ def test_a_query_prints_the_observation_by_name(tmp_path: Path, capsys: pytest.C
     assert run(["query", "--state", EXAMPLE, "--rules", str(path)]) == 0
     text = capsys.readouterr().out
     assert text.endswith(
-        "observation\n  a                 0.500   how fast          0.590\n  c                 1.000\n"
+        "observation\n  a                   0.500   how fast            0.590\n  c                   1.000\n"
     )
     assert run(["query", "--state", EXAMPLE, "--rules", str(path), "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

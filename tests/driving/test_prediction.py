@@ -165,7 +165,8 @@ def test_a_failure_of_the_rules_stays_their_fail_safe() -> None:
 
     engine = Engine()
     engine.consult_text(
-        "safe_actions(lane_keeping). front_is_free. longitudinal_velocity(-1.0). state([]). entry_is_safe.",
+        "safe_actions(lane_keeping). front_is_free. longitudinal_velocity(-1.0). entry_is_safe. "
+        "state([0, 0, 0, 0, 0, 0, 0, 0, 0, 0]).",
         name="broken",
     )
     config = EnvConfig(recording="by-hand", direction="left_to_right", offers="prediction")

@@ -129,7 +129,7 @@ def test_gymnasium_makes_it() -> None:
     observations, info = env.reset(seed=0)
     assert env.observation_space.contains(observations)
     assert info["action_mask"].shape == (2, 3)
-    assert env.step(env.action_space.sample())[0].shape == (2, 10)
+    assert env.step(env.action_space.sample())[0].shape == (2, 21)
 
 
 @pytest.mark.parametrize("settings", MODES)

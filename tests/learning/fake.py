@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
 from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
+from drlsl.driving.shield import PAPER_OBSERVATION
 from tests.scenes import road
 
 LANES = 3
@@ -122,6 +123,10 @@ class FakeVector(SyncVectorEnv):
             env.set_state(one)
         self._autoreset_envs = state["over"].copy()
         self._env_obs = list(state["seen"])
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        return PAPER_OBSERVATION.names
 
     def action_masks(self) -> NDArray[np.bool_]:
         return np.array([env.action_masks() for env in self._inner()])

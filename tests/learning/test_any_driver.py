@@ -103,7 +103,8 @@ def test_drivers_are_evaluated_as_runs_are(
     assert change[0]["totals"]["interventions"] == 0
     assert change[0]["totals"]["off_road"] == 0
     assert change[1]["totals"]["interventions"] > 0, "without the shield every change counts as offered"
-    right = evaluated(capsys, f"{users}:Net", "--set", "driver.best=2", "--shield", "on")["evaluations"]
+    ten = ["--rules", "paper_observation.pl"]
+    right = evaluated(capsys, f"{users}:Net", "--set", "driver.best=2", "--shield", "on", *ten)["evaluations"]
     assert right[0]["totals"]["interventions"] > 0
     assert right[0]["totals"]["off_road"] == 0
 

@@ -60,8 +60,10 @@ def facts(scene: Scene) -> Facts:
 
 # asked with unbound arguments, their answers hold an unbound variable
 NOT_LOWERED = {
-    "highway.pl": {"nearest/3", "section_room/2"},
-    "overtake_left.pl": {"nearest/3", "section_room/2", "speed_on_the_right/2"},
+    "highway.pl": {"nearest/3", "section_room/2", "section_view/3", "side_limit/3"},
+    "overtake_left.pl": {
+        *("nearest/3", "section_room/2", "section_view/3", "side_limit/3", "speed_on_the_right/2"),
+    },
     "paper.pl": {"room/2"},
 }
 

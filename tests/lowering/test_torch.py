@@ -102,7 +102,8 @@ def test_the_bits_are_those_of_numpy(program: str, dtype: Precision, device: str
     none = {**facts, **roads, ("vehicle", 8): Rows([c[:0] for c in columns_of(facts["vehicle", 8])])}
     for result in (ours(none), theirs(none)):
         assert result.undecided.shape == (0,)
-        assert [tuple(answer.value.shape) for answer in result.answers] == [(0, 3), (0,), (0,), (0, 10)]
+        observed = 21 if program == "highway.pl" else 10
+        assert [tuple(answer.value.shape) for answer in result.answers] == [(0, 3), (0,), (0,), (0, observed)]
     shared = {**facts, **{key: rows for key, rows in roads.items() if key != ("target_lane", 1)}}
     assert_same(ours(shared), theirs(shared))
 

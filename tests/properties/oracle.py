@@ -201,12 +201,39 @@ class Oracle:
         gaps = [self.gap(car) for car in self.section(name)]
         return max(0.0, min(1.0, min(gaps) / self.scene.road.radar_range)) if gaps else 1.0
 
-    def observation(self) -> list[float]:
+    def faster(self, name: str) -> float:
+        """How much faster than the ego the nearest vehicle is, as a share of the highest limit."""
+        cars = self.section(name)
+        if not cars:
+            return 0.0
+        nearest = min(cars, key=self.gap)
+        return self.signed_share(self.velocity(nearest) - self.speed(self.ego))
+
+    def signed_share(self, speed: float) -> float:
+        return max(-1.0, min(1.0, speed / max(lane.speed_limit for lane in self.scene.road.lanes)))
+
+    def limit(self, side: str) -> float:
+        lane = self.lane if side == "own" else self.side_lane(side)
+        return -1.0 if lane is None else self.signed_share(lane.speed_limit - self.speed(self.ego))
+
+    def ten_numbers(self) -> dict[str, float]:
+        """The paper's observation by name."""
         lanes = self.scene.road.lanes_of(self.lane.direction)
         rightward = sum(self.sign * (lane.centre - self.lane.centre) > 0 for lane in lanes)
         highest = max(lane.speed_limit for lane in self.scene.road.lanes)
-        return [
-            *(self.room(name) for name in SECTIONS),
-            rightward / max(1.0, len(lanes) - 1.0),
-            max(0.0, min(1.0, self.speed(self.ego) / highest)),
-        ]
+        return {
+            **{name: self.room(name) for name in SECTIONS},
+            "lane": rightward / max(1.0, len(lanes) - 1.0),
+            "speed": max(0.0, min(1.0, self.speed(self.ego) / highest)),
+        }
+
+    def observation(self) -> dict[str, float]:
+        """The observation of highway.pl by name."""
+        moving = [name for name in SECTIONS if name not in ("left", "right")]
+        offered = self.actions()
+        return {
+            **self.ten_numbers(),
+            **{f"{name}_faster": self.faster(name) for name in moving},
+            **{f"{side}_limit": self.limit(side) for side in ("own", "right", "left")},
+            **{f"{side}_offered": float(f"{side}_lane_change" in offered) for side in ("left", "right")},
+        }

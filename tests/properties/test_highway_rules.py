@@ -33,7 +33,7 @@ def test_decision(shield: Shield, scene: Scene) -> None:
     oracle, decision = Oracle(scene), shield.decide(scene)
     assert [action.atom for action in decision.safe_actions] == oracle.actions()
     assert decision.target_speed == oracle.target_speed()
-    assert list(decision.observation) == oracle.observation()
+    assert dict(zip(shield.observation.names, decision.observation, strict=True)) == oracle.observation()
     assert decision.front_is_free == (not oracle.busy("front"))
     assert decision.lane_to_keep == oracle.lane_to_keep()
     assert shield.entry_is_safe(scene) == oracle.is_safe("entry")

@@ -116,8 +116,10 @@ def test_all_else_is_as_in_highway(shield: Shield, highway: Shield, scene: Scene
     here, there = shield.decide(scene), highway.decide(scene)
     assert here.action_mask[:2] == there.action_mask[:2]
     assert here.action_mask[2] <= there.action_mask[2]
-    for field in ("target_speed", "observation", "front_is_free", "lane_to_keep"):
+    for field in ("target_speed", "front_is_free", "lane_to_keep"):
         assert getattr(here, field) == getattr(there, field)
+    assert shield.observation.names[-1] == "right_offered"
+    assert here.observation == (*there.observation[:-1], float(here.action_mask[2]))
     assert shield.entry_is_safe(scene) == highway.entry_is_safe(scene)
 
 

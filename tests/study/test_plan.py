@@ -21,7 +21,8 @@ def test_presets_are_what_the_paper_compares(name: str) -> None:
     preset = preset_study(name)
     assert {method.paper for method in preset.methods.values()} >= set(METHODS)
     rules = {preset.training(Run(method, 0)).env.rules for method in preset.methods}
-    assert rules == {(), ("paper.pl",)}
+    own = () if name == "smoke" else ("paper_observation.pl",)
+    assert rules == {own, ("paper.pl",)}
     assert set(preset.tests) == {"left-to-right", "right-to-left", "freeway", "freeway-reactive"}
 
 

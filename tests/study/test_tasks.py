@@ -105,6 +105,7 @@ def test_inputs_name_every_rule_file_and_recording() -> None:
         "rules/highway.pl",
         "rules/longitudinal.pl",
         "rules/observation.pl",
+        "rules/paper_observation.pl",
         "rules/paper.pl",
         "recording highway-train",
         "recording highway-test",

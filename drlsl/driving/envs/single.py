@@ -123,15 +123,17 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
 
 
 class Spaces(NamedTuple):
-    """The spaces of one environment."""
+    """The spaces of one environment, and the names of the numbers of an observation."""
 
     single_observation_space: gymnasium.Space[Observation]
     single_action_space: gymnasium.Space[np.int64]
+    observation_names: tuple[str, ...]
 
 
 def spaces_of(shield: Shield) -> Spaces:
     """Return the spaces of an environment with the rules of `shield`."""
-    return Spaces(observation_box(shield.observation), gymnasium.spaces.Discrete(len(Action)))
+    actions = gymnasium.spaces.Discrete(len(Action))
+    return Spaces(observation_box(shield.observation), actions, shield.observation.names)
 
 
 def observation_box(space: ObservationSpace) -> gymnasium.Space[Observation]:

@@ -143,6 +143,11 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
             self._over = over
         return self._observations(), result.reward, result.terminated, result.truncated, info
 
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """The names of the numbers of an observation."""
+        return self.shield.observation.names
+
     def action_masks(self) -> Mask:
         """Return the masks of the actions that the rules offer now, shape (N, 3)."""
         return self._latest().action_mask

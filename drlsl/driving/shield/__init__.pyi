@@ -2,17 +2,19 @@ from .action_names import unknown_actions
 from .compiled import ASKED, check_state, query_of
 from .decision import Decision, Decisions, RuleFailure
 from .observation import PAPER_OBSERVATION, ObservationSpace, declared_observation
-from .questions import ACTIONS, ENTRY, FREE, LANE, SPEED, STATE
+from .questions import ACTIONS, BOUNDS, ENTRY, FREE, LANE, NAMES, SPEED, STATE
 from .rule_files import consult_rules, default_rules, rule_file, rules_folder
 from .shield import LIMITS, Shield
 
 __all__ = [
     "ACTIONS",
     "ASKED",
+    "BOUNDS",
     "ENTRY",
     "FREE",
     "LANE",
     "LIMITS",
+    "NAMES",
     "PAPER_OBSERVATION",
     "SPEED",
     "STATE",
