@@ -98,7 +98,8 @@ def test_drivers_are_evaluated_as_runs_are(
     assert (on["shield"], off["shield"]) == ("on", "off")
     assert on["totals"]["lane_changes"] == on["totals"]["interventions"] == 0
     assert on["env"] == EnvConfig.model_validate(on["env"]).model_dump(mode="json")
-    assert evaluated(capsys, f"{users}:keep")["evaluations"] == keep["evaluations"]
+    mine = evaluated(capsys, f"{users}:keep")["evaluations"]
+    assert [{**one, "driver": "keep"} for one in mine] == keep["evaluations"]
     change = evaluated(capsys, "always-change")["evaluations"]
     assert change[0]["totals"]["interventions"] == 0
     assert change[0]["totals"]["off_road"] == 0
