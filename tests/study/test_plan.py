@@ -28,7 +28,7 @@ def test_presets_are_what_the_paper_compares(name: str) -> None:
 
 def test_the_benchmark_sets_learnt_drivers_beside_others() -> None:
     preset = preset_study("benchmark")
-    assert set(study_presets()) == {"benchmark", "full", "paper", "smoke"}
+    assert set(study_presets()) == {"benchmark", "full", "paper", "paper-code", "smoke"}
     assert {method.driver for method in preset.methods.values()} == {None, "keep", "always-change", "mobil"}
     assert preset.baseline == "keep"
     for run in preset.runs[: len(preset.methods)]:
@@ -143,7 +143,7 @@ def test_a_test_is_not_replaced(tmp_path: Path) -> None:
     [
         ({"sedes": 3}, "sedes: Extra inputs are not permitted"),
         ({"seeds": 0}, "seeds: Input should be greater than or equal to 1"),
-        ({"preset": "quik"}, "no preset 'quik'; expected one of paper, quick, tiny"),
+        ({"preset": "quik"}, "no preset 'quik'; expected one of paper, paper-code, quick, tiny"),
         ({"methods": {"a/b": {"label": "x"}}}, "methods.a/b"),
         ({"methods": {"a": {"label": "x", "train": {"episodse": 1}}}}, "method a: unknown key 'episodse'"),
         ({"methods": {"a": {"label": "x", "paper": "SAC"}}}, "methods.a.paper"),
