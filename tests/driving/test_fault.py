@@ -223,3 +223,21 @@ def test_a_vehicle_that_appears_beyond_the_stopping_distance_is_no_surprise() ->
     gap = float(other.s[0] - ego.s[0]) - LENGTH
     assert gap > 10.0 * REACTION + 100.0 / (2 * BRAKING)
     assert verdict(ego, other, other_appeared=True) is Verdict.AT_FAULT
+
+
+@pytest.mark.parametrize(
+    ("ego_moves", "expected"), [(False, Verdict.STRUCK_FROM_THE_SIDE), (True, Verdict.AT_FAULT)]
+)
+def test_a_follower_that_swerves_past_the_ego_and_back_strikes_it_from_the_side(
+    ego_moves: bool, expected: Verdict
+) -> None:
+    """It is never wholly out of the ego's lane; it had time to brake while it was behind the ego in it."""
+    steps = 200
+    beside = CENTRE[2] + WIDTH + 0.4
+    back = np.linspace(beside, CENTRE[2] + WIDTH - 0.01, 15)
+    y = np.concatenate((sideways(CENTRE[2], beside, steps - 15, 60), back))
+    ego_y = np.full(steps, CENTRE[2])
+    if ego_moves:
+        ego_y[:-20] = CENTRE[1]
+    ego, other = track(100.0, 20.0, ego_y, steps), track(99.0, 23.0, y, steps)
+    assert verdict(ego, other) is expected

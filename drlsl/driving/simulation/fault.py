@@ -205,9 +205,26 @@ class _Encounter:
         return not self._left_time(entered, rear=self.ego, front=self.other)
 
     def struck_from_the_side(self) -> bool:
-        """Return whether the ego kept its lane and the other, alongside, moved sideways into it."""
+        """Return whether the ego kept its lane and the other, alongside, moved sideways into it.
+
+        Likewise if the other swerved past the ego in that lane, where it had been behind with time to brake.
+        """
+        if not self._met_sideways():
+            return False
         entered = self._other_entered()
-        return entered is not None and self._met_sideways() and self._ego_kept_lane_since_before(entered)
+        if entered is None:
+            return self._came_from() < 0 and self._swerved_past()
+        return self._ego_kept_lane_since_before(entered)
+
+    def _swerved_past(self) -> bool:
+        """Return whether the other was once wholly in the ego's lane behind it, and the ego kept that lane."""
+        lane = _lane_at(float(self.ego.y[-1]), self.lanes)
+        return any(
+            self._other_had_time(row)
+            and bool(_inside(self.other, lane)[row])
+            and self._ego_kept_lane_since_before(row + 1)
+            for row in range(len(self.ego.s))
+        )
 
     def out_of_nowhere(self) -> bool:
         """Return whether the other appeared inside the rear one's stopping distance, too late to stop."""
