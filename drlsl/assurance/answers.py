@@ -87,7 +87,7 @@ class Generated:
             (answer,) = program({**self._road_facts, **scene_facts(scene)})
         except Undecided:
             return self._otherwise.ask(scene, question)
-        if not names:
+        if not names or question.mode == "holds":
             return [{}] if answer else []
         rows: Sequence[Any] = answer if question.mode == "all" else [] if answer is None else [answer]
         return [dict(zip(names, row if len(names) > 1 else (row,), strict=True)) for row in rows]
