@@ -18,7 +18,7 @@
 %
 % Every program must have: safe_actions(Action), possible_actions(Actions), front_is_free, longitudinal_velocity(V),
 % state(Observation), entry_is_safe.  Optional: state_names(Names) and state_bounds(Bounds), without which state/1 gives the paper's
-% ten numbers from 0 to 1; lane_to_keep(Lane), objection(Action, Reason), busy_section(S, Car, Gap).
+% ten numbers from 0 to 1; lane_to_keep(Lane), comfortable_acceleration(A), objection(Action, Reason), busy_section(S, Car, Gap).
 
 :- dynamic(vehicle/8).
 :- dynamic(road_lane/5).
@@ -30,6 +30,7 @@
 :- dynamic(centre_tolerance/1).
 
 :- multifile(objection/2).    % a file on top of this one may add clauses
+:- multifile(following_acceleration/2).    % likewise
 
 :- include('longitudinal.pl').
 :- include('observation.pl').
@@ -59,8 +60,11 @@ lateral_margin(0.3).
 side_time(1.0).
 
 % drift_horizon(Side, T): for how long a vehicle's sideways motion is extrapolated to see whether it enters the way of Side.
-% A lane change, or entering the road, needs the lane for a while; the ego's own lane is checked again at every step.
+% A lane change, or entering the road, needs the lane for a while; the ego's own lane is checked again at every step. How fast to go is
+% decided by who is in the way now, and comfortably by who will soon be.
+drift_horizon(now, 0.0).
 drift_horizon(own, 1.0).
+drift_horizon(soon, 3.0).
 drift_horizon(home, 1.0).
 drift_horizon(entry, 3.0).
 drift_horizon(left, 3.0).
@@ -125,14 +129,19 @@ leftward(left, 1).
 leftward(right, -1).
 
 % way(Side, Low, High): the range of y that must be free: what the ego's body covers on its way to the target lane's centre, with
-% the lateral margin ("own"); the whole lane it is in ("home", and "entry" where it enters the road); or the lane to a side.
-way(own, Low, High) :-
-    vehicle(ego, _, _, Y, _, _, _, Width), target_lane(Lane), road_lane(Lane, _, Centre, _, _), lateral_margin(Margin),
-    Low is min(Y, Centre) - Width / 2 - Margin, High is max(Y, Centre) + Width / 2 + Margin.
+% the lateral margin ("own", "now" and "soon"); the whole lane it is in ("home", and "entry" where it enters the road); or the lane to a side.
+way(own, Low, High) :- ego_way(Low, High).
+way(now, Low, High) :- ego_way(Low, High).
+way(soon, Low, High) :- ego_way(Low, High).
 way(home, Low, High) :- lane(ego, Lane), lane_strip(Lane, Low, High).
 way(entry, Low, High) :- lane(ego, Lane), lane_strip(Lane, Low, High).
 way(left, Low, High) :- side_lane(left, Lane), lane_strip(Lane, Low, High).
 way(right, Low, High) :- side_lane(right, Lane), lane_strip(Lane, Low, High).
+
+% ego_way(Low, High): from where the ego's body is to the target lane's centre.
+ego_way(Low, High) :-
+    vehicle(ego, _, _, Y, _, _, _, Width), target_lane(Lane), road_lane(Lane, _, Centre, _, _), lateral_margin(Margin),
+    Low is min(Y, Centre) - Width / 2 - Margin, High is max(Y, Centre) + Width / 2 + Margin.
 
 % lane_strip(Lane, Low, High): the range of y that Lane covers.
 lane_strip(Lane, Low, High) :- road_lane(Lane, _, Y, Width, _), Low is Y - Width / 2, High is Y + Width / 2.

@@ -62,11 +62,13 @@ violates(safe_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offs
 
 % ------------------------------------------------------------------------------------------------------- speed
 
-property(speed_in_limits, 'there is a target speed, not negative and not above the lane''s limit').
+property(speed_in_limits,
+    'there is a target speed, not negative and not above the lane''s limit; a faster ego brakes at least comfortably (2 m/s2)').
 violates(speed_in_limits) :- \+ longitudinal_velocity(_).
 violates(speed_in_limits) :- longitudinal_velocity(V), V < 0.0.
 violates(speed_in_limits) :-
-    longitudinal_velocity(V), vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, _, _, Limit), V > Limit.
+    longitudinal_velocity(V), vehicle(ego, Lane, _, _, _, _, _, _), road_lane(Lane, _, _, _, Limit), V > Limit,
+    spec_speed(ego, V0), time_step(Dt), V > V0 - 2.0 * Dt.
 
 property(acceleration_in_limits, 'the target speed is never above what the ego can reach').
 violates(acceleration_in_limits) :-

@@ -12,3 +12,9 @@
 % Source: UN R157, 5.2.5.2.
 critical_distance(VRear, VFront, C) :-
     response_time(T), rear_braking(B), V is max(0.0, VRear - VFront), C is V * (V / (2 * B) + T).
+
+% following_acceleration(Car, A): adds that the ego gives way to an oncoming vehicle within the distance of RSS. In highway.pl that
+% follows from the distance to where it will stop, which is shorter here.
+following_acceleration(Car, A) :-
+    target_vehicle(Car), place(ahead, Car, Gap), in_way(Car, now), velocity(Car, V2), V2 < 0.0,
+    speed(ego, V1), required_gap(V1, V2, Required), Gap =< Required, giving_way(B), A is -B.

@@ -7,7 +7,18 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from drlsl.assurance.answers import Generated, Interpreter, decision_problem, failure_problem, problem_of
-from drlsl.assurance.checks import ACTIONS, ENTRY, FRONT, LANE, OBSERVATION, SPEED, Case, Question, Solutions
+from drlsl.assurance.checks import (
+    ACTIONS,
+    COMFORT,
+    ENTRY,
+    FRONT,
+    LANE,
+    OBSERVATION,
+    SPEED,
+    Case,
+    Question,
+    Solutions,
+)
 from drlsl.driving.scene import ATOMS, SceneBatch
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.errors import UserError
@@ -120,4 +131,5 @@ def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mappi
         FRONT: holds if decisions.front_is_free[index] else [],
         ENTRY: holds if entries[index] else [],
         LANE: [{"Lane": int(decisions.lane_to_keep[index])}],
+        COMFORT: [{"Acceleration": float(decisions.comfortable_acceleration[index])}],
     }

@@ -25,12 +25,20 @@ class Question:
     mode: Mode
 
 
-ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY, LANE = (
+ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY, LANE, COMFORT = (
     Question(one.goal, one.mode)
-    for one in (shield.ACTIONS, shield.SPEED, shield.STATE, shield.FREE, shield.ENTRY, shield.LANE)
+    for one in (
+        shield.ACTIONS,
+        shield.SPEED,
+        shield.STATE,
+        shield.FREE,
+        shield.ENTRY,
+        shield.LANE,
+        shield.COMFORT,
+    )
 )
 DRIVING: Final = (ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY)
-"""The questions of driving to every program; `LANE` only to those that define it."""
+"""The questions of driving to every program; `LANE` and `COMFORT` only to those that define them."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from drlsl.assurance.case_rows import EgoRow, Layout, RoadRow, Row, Staging, Veh
 from drlsl.assurance.checked_values import checked
 from drlsl.assurance.checks import (
     ACTIONS,
+    COMFORT,
     ENTRY,
     FRONT,
     LANE,
@@ -60,6 +61,7 @@ class CaseRow(Row):
     vehicles: dict[str, VehicleRow | None] = Field({})
     actions: list[ActionWord] | None = None
     target_speed: float | None = None
+    comfortable_acceleration: float | None = None
     front_is_free: bool | None = None
     entry_is_safe: bool | None = None
     lane_to_keep: Literal["left", "own", "right"] | int | None = None
@@ -179,6 +181,8 @@ def _checks(row: CaseRow, direction: Direction, observed: tuple[str, ...]) -> It
         yield Offered("actions", ACTIONS, wanted)
     if row.target_speed is not None:
         yield Equals("target_speed", SPEED, row.target_speed, row.tolerance)
+    if row.comfortable_acceleration is not None:
+        yield Equals("comfortable_acceleration", COMFORT, row.comfortable_acceleration, row.tolerance)
     for question, holds in ((FRONT, row.front_is_free), (ENTRY, row.entry_is_safe)):
         if holds is not None:
             yield Holds(question.goal, question, holds)

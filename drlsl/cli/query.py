@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from drlsl.driving.explain import BusySection, Objection
     from drlsl.driving.scene import Scene
     from drlsl.driving.shield import Decision, Shield
+    from drlsl.logic.explain import Explanation
 
 
 Actions = Annotated[
@@ -140,10 +142,10 @@ def _print_solutions(shield: Shield, goal: str, *, as_json: bool) -> None:
 
 
 def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
-    """Print proofs and why-not of the actions and the target speed, each below its outcome."""
+    """Print proofs and why-not of the actions and the speed, each below its outcome."""
     from drlsl.driving.explain import objections_to, speed_reason
     from drlsl.driving.scene import Action
-    from drlsl.driving.shield import LIMITS
+    from drlsl.driving.shield import COMFORT, LIMITS
 
     with failures_as_errors():
         proofs = {
@@ -154,6 +156,7 @@ def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
         target = speed.bindings.get("Speed")
         number = target if isinstance(target, int | float) else None
         reason = None if number is None else speed_reason(shield, scene, number)
+        comfort = _comfort(shield)
     if as_json:
         data: dict[str, Any] = {
             action.atom: {
@@ -168,6 +171,11 @@ def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
             "decided_by": None if reason is None else asdict(reason),
             **speed.to_dict(),
         }
+        if comfort is not None:
+            data["comfortable_acceleration"] = {
+                "value": comfort.bindings.get(COMFORT.variable),
+                **comfort.to_dict(),
+            }
         print(to_json(data))
         return
     for action, proof in proofs.items():
@@ -176,6 +184,17 @@ def _print_explanations(shield: Shield, scene: Scene, *, as_json: bool) -> None:
         decided = "no single vehicle decides it" if reason is None else reason.words()
         print(f"target speed {number:.2f} m/s: {decided}")
     print(speed.text())
+    if comfort is not None:
+        print(f"\n{comfort.text()}")
+
+
+def _comfort(shield: Shield) -> Explanation | None:
+    """Return the proof of the comfortable acceleration; None if the rules do not say."""
+    from drlsl.driving.shield import COMFORT, LIMITS
+
+    if not shield.engine.defines(COMFORT.name, COMFORT.arity):
+        return None
+    return shield.engine.explain(COMFORT.goal, limits=LIMITS)
 
 
 def _offered(holds: bool, against: Sequence[Objection]) -> str:
@@ -200,6 +219,7 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
                         for action, found in unsafe.items()
                     },
                     "target_speed": decision.target_speed,
+                    "comfortable_acceleration": _wanted(decision),
                     "observation": list(decision.observation),
                     "observation_names": list(shield.observation.names),
                     "sections": {
@@ -234,6 +254,9 @@ def _report(
         yield f"  {action.atom:<18} {reasons[0]}"
         yield from (f"  {'':<18} {reason}" for reason in reasons[1:])
     yield f"target speed  {decision.target_speed:.2f} m/s"
+    wanted = _wanted(decision)
+    if wanted is not None:
+        yield f"comfortable   {wanted:.2f} m/s²"
     yield "sections"
     for name, busy in sections.items():
         yield f"  {name:<12} {f'{printable(busy.vehicle)}, {_metres(busy.gap)}' if busy else 'free'}"
@@ -244,6 +267,12 @@ def _observation_lines(observed: Iterable[tuple[str, float]]) -> Iterator[str]:
     cells = [f"{printable(name):<18} {number:6.3f}" for name, number in observed]
     yield "observation"
     yield from (f"  {'   '.join(cells[start : start + 2])}" for start in range(0, len(cells), 2))
+
+
+def _wanted(decision: Decision) -> float | None:
+    """Return the comfortable acceleration [m/s²]; None if the rules do not say."""
+    wanted = decision.comfortable_acceleration
+    return wanted if math.isfinite(wanted) else None
 
 
 def _metres(gap: float) -> str:

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from drlsl.assurance import load_table, tables_of
 from drlsl.assurance.checks import (
     ACTIONS,
+    COMFORT,
     ENTRY,
     LANE,
     OBSERVATION,
@@ -72,6 +73,7 @@ def _checks(oracle: Oracle) -> Iterator[Check]:
     observation = oracle.observation()
     yield Observed("observation", OBSERVATION, tuple(observation), tuple(observation.items()), EXACT)
     yield Equals("lane", LANE, oracle.lane_to_keep(), 0.0)
+    yield Equals("comfort", COMFORT, oracle.comfortable_acceleration(), EXACT)
     yield Holds("entry", ENTRY, oracle.is_safe("entry"))
     yield Holds("settled", Question("settled", "holds"), oracle.settled)
     for side in ("left", "right"):

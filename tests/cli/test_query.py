@@ -37,6 +37,7 @@ def test_the_answer_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
         "safe_actions",
         "unsafe_actions",
         "target_speed",
+        "comfortable_acceleration",
         "observation",
         "observation_names",
         "sections",
@@ -49,6 +50,7 @@ def test_the_answer_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
     assert objection["needed"] > objection["gap"]
     assert objection["missing"] == pytest.approx(objection["needed"] - objection["gap"])
     assert 0 < data["target_speed"] < 29.5
+    assert -3.0 < data["comfortable_acceleration"] < -2.0
     assert len(data["observation"]) == len(data["observation_names"]) == 21
     assert data["sections"]["front"]["vehicle"] == "truck"
     assert data["sections"]["left"] is None
@@ -74,14 +76,15 @@ def test_explanations_name_who_decides_for_people(capsys: pytest.CaptureFixture[
         "safe_actions(left_lane_change) fails",
         "right_lane_change is offered",
         "safe_actions(right_lane_change) holds",
-        "target speed 29.37 m/s: truck decides it; without it 29.62 m/s",
-        "longitudinal_velocity(Speed) holds with Speed = 29.3719",
+        "target speed 29.49 m/s: truck decides it; without it 29.62 m/s",
+        "longitudinal_velocity(Speed) holds with Speed = 29.488",
+        "comfortable_acceleration(Acceleration) holds with Acceleration = -2.34236",
     ]
 
 
 def test_explanations_name_who_decides_for_machines(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(answer(capsys, "--explain", "--json"))
-    assert set(data) == {*ACTIONS, "target_speed"}
+    assert set(data) == {*ACTIONS, "target_speed", "comfortable_acceleration"}
     left = data["left_lane_change"]
     assert (left["offered"], left["holds"]) == (False, False)
     assert left["objections"][0]["vehicle"] == "sports_car"
@@ -89,9 +92,11 @@ def test_explanations_name_who_decides_for_machines(capsys: pytest.CaptureFixtur
     assert left["steps"]
     assert data["lane_keeping"]["objections"] == []
     speed = data["target_speed"]
-    assert speed["value"] == speed["bindings"]["Speed"] == pytest.approx(29.372, abs=1e-3)
+    assert speed["value"] == speed["bindings"]["Speed"] == pytest.approx(29.488)
     assert speed["decided_by"]["vehicle"] == "truck"
     assert speed["decided_by"]["without"] > speed["value"]
+    comfort = data["comfortable_acceleration"]
+    assert comfort["value"] == comfort["bindings"]["Acceleration"] < -2.0
 
 
 @pytest.mark.parametrize("also", [[], ["--explain"], ["--json"], ["--goal", "front_is_busy"]])

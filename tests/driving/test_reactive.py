@@ -255,7 +255,7 @@ def test_egos_do_not_influence_each_others_traffic() -> None:
     many.reset([0, 1, 2], [np.random.default_rng(seed) for seed in (5, 6, 7)])
     alone = World(config, [freeway], shield)
     alone.reset([0], [np.random.default_rng(7)])
-    for _ in range(150):
+    for _ in range(400):
         together, single = many.step(np.zeros(3, dtype=np.int64)), alone.step(KEEP)
         assert together.scenes.scene(2) == single.scenes.scene(0)
     assert alone._reactive is not None

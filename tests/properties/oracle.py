@@ -9,8 +9,9 @@ from drlsl.driving.scene import Scene, Vehicle
 from drlsl.traffic import Lane
 
 RESPONSE_TIME, RESPONSE_ACCELERATION, REAR_BRAKING, FRONT_BRAKING = 0.35, 3.0, 6.0, 8.0
-STANDSTILL, MARGIN, SIDE_TIME, COMFORT = 2.0, 0.3, 1.0, 1.5
-HORIZON = {"own": 1.0, "home": 1.0, "entry": 3.0, "left": 3.0, "right": 3.0}
+STANDSTILL, MARGIN, SIDE_TIME = 2.0, 0.3, 1.0
+COMFORT_ACCELERATION, COMFORT, TIME_GAP, QUEUE_GAP, GIVING_WAY = 1.4, 2.0, 1.5, 3.0, 0.3
+HORIZON = {"now": 0.0, "own": 1.0, "soon": 3.0, "home": 1.0, "entry": 3.0, "left": 3.0, "right": 3.0}
 SECTIONS = {
     "front": ("own", "ahead"),
     "front_right": ("right", "ahead"),
@@ -94,7 +95,7 @@ class Oracle:
         return same_way[index] if 0 <= index < len(same_way) else None
 
     def way(self, side: str) -> tuple[float, float] | None:
-        if side == "own":
+        if side in ("own", "now", "soon"):
             low, high = sorted((self.ego.y, self.target.centre))
             return low - self.ego.width / 2 - MARGIN, high + self.ego.width / 2 + MARGIN
         lane = self.lane if side in ("home", "entry") else self.side_lane(side)
@@ -165,35 +166,82 @@ class Oracle:
                 return self.lane.id
         return self.target.id
 
+    def leaders(self, side: str) -> list[tuple[float, float]]:
+        """Gap and speed of those ahead in a way; who is oncoming stands where it will stop."""
+        found = []
+        for car in self.targets():
+            if self.place(car) == "ahead" and self.in_way(car, side):
+                velocity = self.velocity(car)
+                way = stopping_way(-velocity) if velocity < 0 else 0.0
+                found.append((self.gap(car) - way, max(0.0, velocity)))
+        return found
+
+    def merges(self, side: str) -> bool:
+        """Somebody alongside, centre ahead, comes into a way."""
+        return any(
+            self.offset(car) > 0 and self.place(car) == "alongside" and self.in_way(car, side)
+            for car in self.targets()
+        )
+
+    def braking_needed(self, gap: float, other: float) -> float:
+        road, own = self.scene.road, self.speed(self.ego)
+        room = gap + other * other / (2 * FRONT_BRAKING) - own * road.time_step
+        return own * own / (2 * room) if room > 0 else road.braking_limit
+
+    def in_limits(self, acceleration: float) -> float:
+        road = self.scene.road
+        return max(-road.braking_limit, min(road.acceleration_limit, acceleration))
+
+    def allowed(self, gap: float, other: float) -> float:
+        """The acceleration that a leader allows."""
+        road, own = self.scene.road, self.speed(self.ego)
+        step = road.time_step
+        stop = own * own / (2 * road.braking_limit) + step * step
+        if gap <= 0 or gap + other * other / (2 * FRONT_BRAKING) - own * step <= stop:
+            return -road.braking_limit
+        far = gap > critical_distance(own, other) + STANDSTILL
+        return (
+            road.acceleration_limit
+            if far and self.braking_needed(gap, other) <= REAR_BRAKING
+            else -GIVING_WAY
+        )
+
     def acceleration(self) -> float:
         road, own = self.scene.road, self.speed(self.ego)
-        wanted = [(self.lane.speed_limit - own) / road.time_step]
-        for car in self.section("front"):
-            gap, other = self.gap(car), self.speed(car)
-            if self.velocity(car) < 0:
-                gap -= stopping_way(-self.velocity(car))
-            if gap <= 0:
-                wanted.append(-road.braking_limit)
-                continue
-            needed = critical_distance(own, other) + STANDSTILL
-            give_way = min(-COMFORT, (other * other - own * own) / (2 * gap))
-            if gap > needed:
-                fastest = math.sqrt(other * other + 2 * COMFORT * (gap - needed))
-                wanted.append(max(give_way, (fastest - own) / road.time_step))
-            else:
-                wanted.append(give_way)
-            room = gap + other * other / (2 * FRONT_BRAKING) - own * road.time_step
-            braking = own * own / (2 * room) if room > 0 else road.braking_limit
-            if braking > REAR_BRAKING:
-                wanted.append(-braking)
-        for car in self.targets():
-            if self.offset(car) > 0 and self.place(car) == "alongside" and self.in_way(car, "own"):
-                wanted.append(-REAR_BRAKING)
-        return max(-road.braking_limit, min(road.acceleration_limit, min(wanted)))
+        allowed = [max(-COMFORT, (self.lane.speed_limit - own) / road.time_step)]
+        allowed += [self.allowed(gap, other) for gap, other in self.leaders("now")]
+        allowed += [-GIVING_WAY] if self.merges("now") else []
+        return self.in_limits(min(allowed))
 
     def target_speed(self) -> float:
-        reached = self.speed(self.ego) + self.acceleration() * self.scene.road.time_step
-        return max(0.0, min(self.lane.speed_limit, reached))
+        step, own = self.scene.road.time_step, self.speed(self.ego)
+        reached = own + self.acceleration() * step
+        return max(0.0, min(max(self.lane.speed_limit, own - COMFORT * step), reached))
+
+    def kept_distance(self, gap: float, other: float) -> float:
+        """What the Intelligent Driver Model suggests behind a leader, without its overreaction."""
+        own = self.speed(self.ego)
+        if gap <= 0:
+            return -self.scene.road.braking_limit
+        closing = own * (own - other) / (2 * math.sqrt(COMFORT_ACCELERATION * COMFORT))
+        wanted = QUEUE_GAP + max(0.0, own * TIME_GAP + closing)
+        faster = max(0.0, own - other)
+        suggested = COMFORT_ACCELERATION * (1 - (wanted / gap) * (wanted / gap))
+        return max(suggested, -faster * faster / (2 * gap) - COMFORT)
+
+    def comfortable_acceleration(self) -> float:
+        hardest = self.scene.road.braking_limit
+        share = self.speed(self.ego) / min(self.lane.speed_limit, self.target.speed_limit)
+        wanted = [max(-COMFORT, COMFORT_ACCELERATION * (1 - share * share * share * share))]
+        wanted += [self.kept_distance(gap, other) for gap, other in self.leaders("soon")]
+        for gap, other in self.leaders("now"):
+            needed = self.braking_needed(gap, other)
+            if gap > 0 and needed > REAR_BRAKING:
+                firmer = (hardest - COMFORT) * (needed - REAR_BRAKING) / (hardest - REAR_BRAKING)
+                wanted.append(-COMFORT - firmer)
+        wanted += [-COMFORT] if self.merges("soon") else []
+        wanted += [-REAR_BRAKING] if self.merges("now") else []
+        return self.in_limits(min(wanted))
 
     def room(self, name: str) -> float:
         if self.way(SECTIONS[name][0]) is None:

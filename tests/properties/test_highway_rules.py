@@ -36,6 +36,7 @@ def test_decision(shield: Shield, scene: Scene) -> None:
     assert dict(zip(shield.observation.names, decision.observation, strict=True)) == oracle.observation()
     assert decision.front_is_free == (not oracle.busy("front"))
     assert decision.lane_to_keep == oracle.lane_to_keep()
+    assert decision.comfortable_acceleration == oracle.comfortable_acceleration()
     assert shield.entry_is_safe(scene) == oracle.is_safe("entry")
     assert any(decision.action_mask)
 

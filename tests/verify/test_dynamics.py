@@ -49,21 +49,25 @@ SLIPS = {
     "more than the two need": ("opposite_is_least", "C is S1 + S2", "C is 0.1 + S1 + S2"),
     "gently where there is no room": (
         "brakes_fully_where_it_cannot",
-        "braking_limit(B), A is -B",
-        "comfortable_braking(B), A is -B",
+        "braking_limit(B), A is -B\n    ; Gap > Required",
+        "giving_way(B), A is -B\n    ; Gap > Required",
     ),
-    "giving way the softer the nearer": ("nearer_is_no_softer", "/ (2 * Gap))", "* (2 * Gap))"),
+    "giving way the softer the nearer": (
+        "nearer_is_no_softer",
+        "Gap > Required, Needed =< Sure -> acc",
+        "Gap < Required, Needed =< Sure -> acc",
+    ),
     "more than is needed": ("distance_is_least", "C is max(0.0,", "C is 0.1 + max(0.0,"),
     "no room at standstill": ("keeps_apart_ahead", "Gap is C + D", "Gap is C - D + D"),
     "a front vehicle that brakes softly": ("can_stop_at_entry", "front_braking(8.0)", "front_braking(4.0)"),
     "nobody is looked for on the way": ("can_stop_after_change", "Gap < Needed.", "Gap < 0.0, Gap < Needed."),
-    "half the braking needed": (
+    "half the way to stop": (
         "can_stop_after_step",
-        "B is V1 * V1 / (2 * Room)",
-        "B is V1 * V1 / (4 * Room)",
+        "V1 * V1 / (2 * B) + Dt * Dt",
+        "V1 * V1 / (4 * B) + Dt * Dt",
     ),
-    "a wrong sign in the room": ("can_stop_after_step", "- V1 * Dt,", "+ V1 * Dt,"),
-    "braking begins too late": ("can_stop_after_step", "Needed > Sure", "Needed > 2.0 * Sure"),
+    "a wrong sign in the room": ("can_stop_after_step", "- V1 * Dt =<", "+ V1 * Dt =<"),
+    "a stop without the step, in the rules": ("can_stop_after_step", "/ (2 * B) + Dt * Dt.", "/ (2 * B)."),
 }
 """An error in the rules, by the property that finds it."""
 

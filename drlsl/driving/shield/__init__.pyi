@@ -1,8 +1,8 @@
 from .action_names import unknown_actions
 from .compiled import ASKED, check_state, query_of
-from .decision import Decision, Decisions, RuleFailure
+from .decision import NO_WISH, Decision, Decisions, RuleFailure
 from .observation import PAPER_OBSERVATION, ObservationSpace, declared_observation
-from .questions import ACTIONS, BOUNDS, ENTRY, FREE, LANE, NAMES, SPEED, STATE
+from .questions import ACTIONS, BOUNDS, COMFORT, ENTRY, FREE, LANE, NAMES, SPEED, STATE
 from .rule_files import consult_rules, default_rules, rule_file, rules_folder
 from .shield import LIMITS, Shield
 
@@ -10,11 +10,13 @@ __all__ = [
     "ACTIONS",
     "ASKED",
     "BOUNDS",
+    "COMFORT",
     "ENTRY",
     "FREE",
     "LANE",
     "LIMITS",
     "NAMES",
+    "NO_WISH",
     "PAPER_OBSERVATION",
     "SPEED",
     "STATE",

@@ -23,10 +23,11 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield.decision import Decision, Decisions, decision_of, usable
+from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, decision_of, usable
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import (
     ACTIONS,
+    COMFORT,
     ENTRY,
     FREE,
     LANE,
@@ -73,7 +74,8 @@ class ScalarTier(SceneTier):
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
         """
         self.observation = observation
-        queries = [query_of(one, ordered=True) for one in _of_a_decision(engine)]
+        self._asked = _of_a_decision(engine)
+        queries = [query_of(one, ordered=True) for one in self._asked]
         self._answers = compile_scalar(lower(engine, SCHEMA, queries))
         self._entry = compile_scalar(lower(engine, SCHEMA, [query_of(ENTRY)]))
         self._road: Road | None = None
@@ -87,14 +89,15 @@ class ScalarTier(SceneTier):
             UserError: the rules offer an action that the agent does not know.
             Undecided: only the interpreter can tell.
         """
-        actions, speed, observation, free, *lane = self._answers(self._facts(scene))
+        answers: dict[Question, Any] = dict(zip(self._asked, self._answers(self._facts(scene)), strict=True))
         return decision_of(
             self.observation,
-            actions=actions,
-            speed=speed,
-            observation=observation,
-            front_is_free=free,
-            lane=lane[0] if lane else scene.target_lane,
+            actions=answers[ACTIONS],
+            speed=answers[SPEED],
+            observation=answers[STATE],
+            front_is_free=answers[FREE],
+            lane=answers.get(LANE, scene.target_lane),
+            acceleration=answers.get(COMFORT, NO_WISH),
         )
 
     def entry_is_safe(self, scene: Scene) -> bool:
@@ -128,7 +131,8 @@ class ArrayTier:
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
             UserError: the rules can offer an action that the agent does not know.
         """
-        lowered = lower(engine, SCHEMA, [query_of(one) for one in _of_a_decision(engine)])
+        self._asked = _of_a_decision(engine)
+        lowered = lower(engine, SCHEMA, [query_of(one) for one in self._asked])
         _check_forms(lowered)
         answers = compile_program(lowered)
         self.name = name
@@ -139,20 +143,26 @@ class ArrayTier:
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
-        (actions, speed, state, free, *lane), undecided = self._answers(scenes)
+        found, undecided = self._answers(scenes)
+        answers = dict(zip(self._asked, found, strict=True))
         mask = np.zeros((len(scenes), len(Action)), dtype=np.bool_)
         for column, action in enumerate(self._actions):
-            mask[:, action] |= actions.value[:, column]
+            mask[:, action] |= answers[ACTIONS].value[:, column]
+        lane, comfort = answers.get(LANE), answers.get(COMFORT)
         decisions = Decisions(
             action_mask=mask,
-            target_speed=np.asarray(speed.value, dtype=np.float64),
-            observation=np.asarray(state.value, dtype=np.float64),
-            front_is_free=free.value,
-            lane_to_keep=np.asarray(lane[0].value, dtype=np.int64) if lane else scenes.target_lane.copy(),
+            target_speed=np.asarray(answers[SPEED].value, dtype=np.float64),
+            observation=np.asarray(answers[STATE].value, dtype=np.float64),
+            front_is_free=answers[FREE].value,
+            lane_to_keep=scenes.target_lane.copy() if lane is None else np.asarray(lane.value, np.int64),
+            comfortable_acceleration=(
+                np.full(len(scenes), NO_WISH) if comfort is None else np.asarray(comfort.value, np.float64)
+            ),
             failures={},
         )
-        for answer in (speed, state, *lane):
-            undecided = undecided | answer.fails
+        for question, answer in answers.items():
+            if question.mode == "first":
+                undecided = undecided | answer.fails
         return decisions, (undecided | ~usable(decisions, self._observation)).nonzero()[0].tolist()
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
@@ -163,8 +173,8 @@ class ArrayTier:
 
 def _of_a_decision(engine: Engine) -> list[Question]:
     """Return the questions whose answers make a decision."""
-    gives_lane = engine.defines(LANE.name, LANE.arity)
-    return [ACTIONS, SPEED, STATE, FREE, *([LANE] if gives_lane else [])]
+    optional = (one for one in (LANE, COMFORT) if engine.defines(one.name, one.arity))
+    return [ACTIONS, SPEED, STATE, FREE, *optional]
 
 
 def _check_forms(lowered: Lowered) -> None:
@@ -179,6 +189,8 @@ def _check_forms(lowered: Lowered) -> None:
             raise NotLowerable(str(form.query), None, "its answer is no speed in m/s")
         if form.query == query_of(STATE) and not _NUMBERS.issuperset(kinds):
             raise NotLowerable(str(form.query), None, "its answer is no list of numbers")
+        if form.query == query_of(COMFORT) and not (form.plain and kinds[0] in _NUMBERS):
+            raise NotLowerable(str(form.query), None, "its answer is no acceleration in m/s²")
         if form.query == query_of(LANE) and not (form.plain and kinds[0] == "int"):
             raise NotLowerable(str(form.query), None, "its answer is no lane")
 

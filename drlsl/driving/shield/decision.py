@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows
 from drlsl.driving.shield.observation import ObservationSpace
-from drlsl.driving.shield.questions import LANE, SPEED, STATE
+from drlsl.driving.shield.questions import COMFORT, LANE, SPEED, STATE
 
 if TYPE_CHECKING:
     from drlsl.traffic import Floats, Integers, Mask
 
+
+NO_WISH: Final = math.inf
+"""The comfortable acceleration of a program that has none: as hard as the target speed allows."""
 
 FAIL_SAFE_ACTION: Final = Action.LANE_KEEPING
 """The only action of the fail-safe."""
@@ -31,7 +34,8 @@ class Decision:
 
     `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: numbers within
     the bounds of `Shield.observation`; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers
-    for.
+    for; `comfortable_acceleration` [m/s²]: what a comfortable driver wants, `NO_WISH` if the rules do not
+    say.
     """
 
     safe_actions: tuple[Action, ...]
@@ -39,6 +43,7 @@ class Decision:
     observation: tuple[float, ...]
     front_is_free: bool
     lane_to_keep: int
+    comfortable_acceleration: float = NO_WISH
 
     @property
     def action_mask(self) -> tuple[int, int, int]:
@@ -53,7 +58,8 @@ class Decisions:
 
     `action_mask` (N, 3) bool, at least one action in each row; `target_speed` (N,) [m/s]; `observation` (N,
     S) within the bounds of `Shield.observation`; `front_is_free` (N,); `lane_to_keep` (N,) lane ids;
-    `failures`: by scene, the reason for the fail-safe.
+    `comfortable_acceleration` (N,) [m/s²], `NO_WISH` without one; `failures`: by scene, the reason for the
+    fail-safe.
     """
 
     action_mask: Mask
@@ -61,6 +67,7 @@ class Decisions:
     observation: Floats
     front_is_free: Mask
     lane_to_keep: Integers
+    comfortable_acceleration: Floats
     failures: dict[int, str]
 
     @classmethod
@@ -74,6 +81,7 @@ class Decisions:
             observation=np.zeros((count, size)),
             front_is_free=np.zeros(count, dtype=np.bool_),
             lane_to_keep=np.zeros(count, dtype=np.int64),
+            comfortable_acceleration=np.full(count, NO_WISH),
             failures={},
         )
 
@@ -84,6 +92,7 @@ class Decisions:
         self.observation[index] = decision.observation
         self.front_is_free[index] = decision.front_is_free
         self.lane_to_keep[index] = decision.lane_to_keep
+        self.comfortable_acceleration[index] = decision.comfortable_acceleration
         if failure:
             self.failures[index] = failure
 
@@ -104,6 +113,7 @@ def decision_of(
     observation: object,
     front_is_free: bool,
     lane: object,
+    acceleration: object,
 ) -> Decision:
     """Return the decision of a tier's answers; an answer of None stands for no solution.
 
@@ -114,7 +124,7 @@ def decision_of(
     safe = tuple(dict.fromkeys(action_of_atom(atom) for atom in actions))
     if not safe:
         raise RuleFailure("the rules offer no action")
-    for question, answer in ((SPEED, speed), (STATE, observation), (LANE, lane)):
+    for question, answer in ((SPEED, speed), (STATE, observation), (LANE, lane), (COMFORT, acceleration)):
         if answer is None:
             raise RuleFailure(f"{question} has no solution")
     target_speed = _number(speed)
@@ -123,7 +133,10 @@ def decision_of(
     numbers = _observed(space, observation)
     if not isinstance(lane, int):
         raise RuleFailure(f"{LANE} gave {lane!r}; expected a lane")
-    return Decision(safe, target_speed, numbers, front_is_free, lane)
+    comfortable = _number(acceleration)
+    if not _is_wish(comfortable):
+        raise RuleFailure(f"{COMFORT} gave {acceleration!r}; expected an acceleration in m/s²")
+    return Decision(safe, target_speed, numbers, front_is_free, lane, comfortable)
 
 
 def _observed(space: ObservationSpace, answer: object) -> tuple[float, ...]:
@@ -148,7 +161,8 @@ def usable(decisions: Decisions, space: ObservationSpace) -> Mask:
     offers: Any = decisions.action_mask.any(axis=1)
     numbers = decisions.observation
     observed: Any = ((numbers >= space.low) & (numbers <= space.high)).all(axis=1)
-    result: Mask = offers & observed & _is_speed(decisions.target_speed)
+    drives: Any = _is_speed(decisions.target_speed) & _is_wish(decisions.comfortable_acceleration)
+    result: Mask = offers & observed & drives
     return result
 
 
@@ -176,3 +190,8 @@ def _number(answer: object) -> float:
 def _is_speed(value: Any) -> Any:
     """Return whether a float, or each of an array, is a speed in m/s; NaN is not."""
     return (value >= 0) & (value < math.inf)
+
+
+def _is_wish(value: Any) -> Any:
+    """Return whether a float, or each of an array, is an acceleration or `NO_WISH`; NaN is neither."""
+    return value > -math.inf

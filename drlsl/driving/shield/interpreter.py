@@ -5,9 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 from drlsl.driving.scene import SCHEMA, Road, Scene, road_facts, scene_facts
-from drlsl.driving.shield.decision import Decision, RuleFailure, decision_of
+from drlsl.driving.shield.decision import NO_WISH, Decision, RuleFailure, decision_of
 from drlsl.driving.shield.observation import ObservationSpace
-from drlsl.driving.shield.questions import ACTIONS, ENTRY, FREE, LANE, QUESTIONS, SPEED, STATE, Question
+from drlsl.driving.shield.questions import (
+    ACTIONS,
+    COMFORT,
+    ENTRY,
+    FREE,
+    LANE,
+    QUESTIONS,
+    SPEED,
+    STATE,
+    Question,
+)
 from drlsl.driving.shield.tier import SceneTier
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
 
@@ -22,8 +32,8 @@ class Interpreter(SceneTier):
         self.engine = engine
         self.observation = observation
         self.limits = limits
-        self.gives_lane = engine.defines(LANE.name, LANE.arity)
-        self._goals = {one: engine.prepare(one.goal) for one in QUESTIONS if one.required or self.gives_lane}
+        asked = [one for one in QUESTIONS if one.required or engine.defines(one.name, one.arity)]
+        self._goals = {one: engine.prepare(one.goal) for one in asked}
         self._road: Road | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -45,7 +55,8 @@ class Interpreter(SceneTier):
                 speed=self._first(SPEED),
                 observation=self._first(STATE),
                 front_is_free=self._holds(FREE),
-                lane=self._first(LANE) if self.gives_lane else scene.target_lane,
+                lane=self._first(LANE) if LANE in self._goals else scene.target_lane,
+                acceleration=self._first(COMFORT) if COMFORT in self._goals else NO_WISH,
             )
         except (PrologError, LimitExceeded) as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error

@@ -44,10 +44,11 @@ SPEED: Final = Question("longitudinal_velocity", "Speed")
 STATE: Final = Question("state", "Observation")
 FREE: Final = Question("front_is_free")
 LANE: Final = Question("lane_to_keep", "Lane", required=False)
+COMFORT: Final = Question("comfortable_acceleration", "Acceleration", required=False)
 ENTRY: Final = Question("entry_is_safe")
 
 NAMES: Final = Question("state_names", "Names", required=False)
 BOUNDS: Final = Question("state_bounds", "Bounds", required=False)
 
-QUESTIONS: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE)
+QUESTIONS: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE, COMFORT)
 """The questions about a scene; `NAMES` and `BOUNDS` are asked once, before there is any."""

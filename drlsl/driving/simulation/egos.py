@@ -148,10 +148,13 @@ class Egos:
             result[settled, action] = beside[settled]
         return result
 
-    def drive(self, target_speed: Floats, courses: Courses) -> None:
-        """Run the controllers and move the egos and the recording on by one frame."""
+    def drive(self, target_speed: Floats, comfortable_acceleration: Floats, courses: Courses) -> None:
+        """Run the controllers and move the egos and the recording on by one frame.
+
+        `target_speed` [m/s] and `comfortable_acceleration` [m/s²], of shape (N,), are the rules' answers.
+        """
         at, dt = self.at, courses.dt
-        ax = self._speed_control.acceleration(at.speed, target_speed, dt)
+        ax = self._speed_control.acceleration(at.speed, target_speed, comfortable_acceleration, dt)
         ay = self._lane_control.acceleration(at.y, at.vy, at.target_y, dt)
         along, at.speed = move_forward(at.speed, ax, dt)
         at.x = at.x + courses.sign * along
@@ -171,15 +174,18 @@ class Egos:
             "at": {field.name: getattr(self.at, field.name).copy() for field in fields(self.at)},
             "past": {"rows": self.past.rows.copy(), "kept": self.past.kept.copy(), "now": self.past.now},
             "integrals": [self._speed_control.integral.copy(), self._lane_control.integral.copy()],
+            "acceleration": self._speed_control.last.copy(),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Take over what `get_state` gave."""
+        """Take over what `get_state` gave; accelerations that an earlier version did not have count as 0."""
         self.at = Places(**{name: array.copy() for name, array in state["at"].items()})
         past = state["past"]
         self.past = Past(past["rows"].copy(), past["kept"].copy(), past["now"])
         speed, lane = state["integrals"]
-        self._speed_control, self._lane_control = SpeedController(speed.copy()), LaneController(lane.copy())
+        last = state.get("acceleration", np.zeros_like(speed))
+        self._speed_control = SpeedController(speed.copy(), last.copy())
+        self._lane_control = LaneController(lane.copy())
 
     def _settled(self) -> Mask:
         """Return the mask of the egos that would start a lane change, shape (N,)."""

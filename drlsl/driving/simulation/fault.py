@@ -217,7 +217,7 @@ class _Encounter:
         return self._ego_kept_lane_since_before(entered)
 
     def _swerved_past(self) -> bool:
-        """Return whether the other was once wholly in the ego's lane behind it, and the ego kept that lane."""
+        """Return whether the other was once wholly in the ego's lane behind it; the ego kept that lane."""
         lane = _lane_at(float(self.ego.y[-1]), self.lanes)
         return any(
             self._other_had_time(row)

@@ -203,7 +203,7 @@ class World:
         changed = egos.steer(actions, decisions.lane_to_keep, self._courses)
         if self._reactive is not None and self._scenes is not None:
             self._reactive.advance(self._scenes, self._courses, at.frame, self._reacts.take(at.playback))
-        egos.drive(decisions.target_speed, self._courses)
+        egos.drive(decisions.target_speed, decisions.comfortable_acceleration, self._courses)
         over = at.frame >= self._courses.frames
         around = self._look()
         contacts = worst_contacts(around.touching(playing & ~over, self._largest), self._judge)
@@ -221,7 +221,6 @@ class World:
             Driven(
                 playing=playing,
                 changed=changed,
-                front_is_free=decisions.front_is_free,
                 speed=speed,
                 contact=touched,
                 off_road=off_road,
