@@ -136,6 +136,7 @@ def test_what_no_comparison_keeps_from_0_is_as_near_to_it_as_it_may_be(tmp_path:
 def test_the_default_rules_have_small_margins(name: str) -> None:
     """Every property but those that ask for the braking needed holds with the usual margin."""
     steep = {
+        "speed_in_limits",
         "gives_way",
         "nobody_overlooked",
         "left_is_as_right",
@@ -155,9 +156,9 @@ def test_the_default_rules_have_small_margins(name: str) -> None:
 def test_the_braking_needed_asks_for_more_room() -> None:
     found = Prover.of((), (RULES / "properties.pl",), ["gives_way"]).floats("gives_way", 6)
     assert found.margin is not None
-    assert USUAL_MARGIN < found.margin <= 5e-6
+    assert USUAL_MARGIN < found.margin <= 5e-8
     assert found.comparison is not None
-    assert found.comparison.startswith("Needed > Sure (")
+    assert found.comparison.startswith("Needed =< Sure (")
 
 
 def properties_of(name: str) -> list[str]:
