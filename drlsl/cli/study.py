@@ -28,7 +28,10 @@ FAILED = 1
 
 def study(
     preset: Annotated[
-        str | None, typer.Option(help="Study that ships with DRLSL: smoke (default), paper or full.")
+        str | None,
+        typer.Option(
+            help="Study that ships with DRLSL: smoke (default), benchmark, paper, paper-code, full."
+        ),
     ] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with a study of your own.")] = None,
     out: Annotated[

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 from drlsl.learning import FIGURES, moving_average
 from drlsl.study.result_tables import rows_of, sweep_rows
@@ -30,6 +31,8 @@ PANELS: Final = 2
 """Panels beside each other."""
 
 FAULT_RATE: Final = "at_fault_per_1000_km"
+
+FAULT_TICKS: Final = (0.0, 1.0, 10.0, 100.0, 1_000.0, 10_000.0)
 
 
 def training_figures(results: Results) -> Mapping[str, bytes]:
@@ -90,7 +93,9 @@ def outcome_figure(results: Results) -> bytes:
                     )
         axes.set(title=scenario.label, xlabel="Time saved against lane keeping [%]")
         axes.set_yscale("symlog", linthresh=1.0)
-        axes.set_ylim(bottom=-0.3)
+        axes.yaxis.set_major_locator(FixedLocator(FAULT_TICKS))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.set_ylim(-0.3, max(2.0, 1.5 * axes.dataLim.y1))
         axes.grid(alpha=0.3)
     for axes in panels[:, 0]:
         axes.set(ylabel="At fault in 1,000 km")
