@@ -267,17 +267,28 @@ entry_is_safe :- \+ obstacle(entry, _, _, _).
 % -------------------------------------------------------------------------------------- giving up a lane change
 
 % lane_to_keep(Lane): the lane that lane_keeping steers for: the target lane; or, while the ego's centre is still in the lane that it
-% came from, that lane again if a vehicle is beside the ego in the target lane and none is beside it in the old one.
+% came from, that lane again if the target lane is taken and no vehicle is beside the ego in the old one.
 lane_to_keep(Home) :-
     lane(ego, Home), target_lane(Target), Target \== Home,
-    side_lane(Side, Target), beside(Side, _), \+ beside(home, _), !.
+    side_lane(Side, Target), taken(Side), \+ beside(home, _), !.
 lane_to_keep(Target) :- target_lane(Target).
+
+% taken(Side): a vehicle is beside the ego in the way of Side, or catches up with it there.
+taken(Side) :- beside(Side, _).
+taken(Side) :- catches_up(Side, _).
 
 % beside(Side, Car): Car is in the way of Side and alongside the ego, or will be within the side time.
 beside(Side, Car) :-
     target_vehicle(Car), in_way(Car, Side),
     gap(Car, Gap), closing_speed(Car, V), side_time(T), standstill_gap(D),
     Gap < D + V * T.
+
+% catches_up(Side, Car): Car, behind in the way of Side, is so fast that it would come nearer than the room at standstill before it has
+% braked, after its response time, down to the ego's speed. Source: UN R157, 5.2.5.2 (time to collision of a vehicle that cuts in).
+catches_up(Side, Car) :-
+    target_vehicle(Car), in_way(Car, Side), place(behind, Car, Gap),
+    closing_speed(Car, V), response_time(T), rear_braking(B), standstill_gap(D),
+    Gap < D + V * (V / (2 * B) + T).
 
 % closing_speed(Car, V): how fast the gap between Car and the ego shrinks; 0 where it grows.
 closing_speed(Car, V) :- offset(Car, S), S >= 0.0, speed(ego, V1), velocity(Car, V2), V is max(0.0, V1 - V2).

@@ -126,6 +126,29 @@ def scenes_with_one_coming_fast(draw: st.DrawFn) -> Scene:
     return replace(scene, ego=ego, vehicles=(*scene.vehicles, fast), target_lane=own.id)
 
 
+@st.composite
+def scenes_with_one_catching_up(draw: st.DrawFn) -> Scene:
+    """A scene in which the ego begins to change lanes, and a faster vehicle is behind in the lane it wants.
+
+    The gap is around 2 m and the distance that the faster one needs to brake by UN R157.
+    """
+    scene = draw(scenes(most=2))
+    own = scene.road.lane(scene.ego.lane)
+    assert own is not None
+    beside = [
+        lane
+        for lane in scene.road.lanes_of(own.direction)
+        if lane != own and abs(lane.centre - own.centre) < 1.5 * own.width
+    ]
+    wanted = draw(st.sampled_from(beside)) if beside else own
+    closing = draw(st.floats(4.0, 25.0))
+    gap = 2.0 + closing * (closing / 12 + 0.35) + draw(st.floats(-4.0, 2.0))
+    x = scene.ego.x - scene.forward * (gap + (scene.ego.length + 4.6) / 2)
+    vx = scene.forward * (abs(scene.ego.vx) + closing)
+    fast = Vehicle("fast", wanted.id, x, wanted.centre, vx, 0.0, 4.6, 1.9)
+    return replace(scene, vehicles=(*scene.vehicles, fast), target_lane=wanted.id)
+
+
 def turned(scene: Scene) -> Scene:
     """The scene with the road turned round: what ran right to left runs left to right."""
 

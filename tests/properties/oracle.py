@@ -152,17 +152,30 @@ class Oracle:
                 offered.append(f"{side}_lane_change")
         return offered
 
+    def closing(self, car: Vehicle) -> float:
+        own, other = self.speed(self.ego), self.velocity(car)
+        return max(0.0, own - other if self.offset(car) >= 0 else other - own)
+
     def beside(self, side: str) -> bool:
+        return any(
+            self.in_way(car, side) and self.gap(car) < STANDSTILL + self.closing(car) * SIDE_TIME
+            for car in self.targets()
+        )
+
+    def catches_up(self, side: str) -> bool:
+        """Somebody behind in a way is too near by UN R157 to brake down to the ego's speed."""
         for car in self.targets():
-            own, other = self.speed(self.ego), self.velocity(car)
-            closing = max(0.0, own - other if self.offset(car) >= 0 else other - own)
-            if self.in_way(car, side) and self.gap(car) < STANDSTILL + closing * SIDE_TIME:
+            closing = self.closing(car)
+            time = closing / (2 * REAR_BRAKING) + RESPONSE_TIME
+            near = self.gap(car) < STANDSTILL + closing * time
+            if near and self.place(car) == "behind" and self.in_way(car, side):
                 return True
         return False
 
     def lane_to_keep(self) -> int:
         for side in ("left", "right"):
-            if self.side_lane(side) == self.target and self.beside(side) and not self.beside("home"):
+            taken = self.beside(side) or self.catches_up(side)
+            if self.side_lane(side) == self.target and taken and not self.beside("home"):
                 return self.lane.id
         return self.target.id
 

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from drlsl.driving.scene import Scene, Vehicle
 from drlsl.driving.shield import Shield
 from tests.properties.oracle import SECTIONS, Oracle, critical_distance
-from tests.scenes import scenes, scenes_with_one_coming_fast
+from tests.scenes import scenes, scenes_with_one_catching_up, scenes_with_one_coming_fast
 
 MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
@@ -16,6 +16,11 @@ MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCh
 @pytest.fixture(scope="module")
 def shield() -> Shield:
     return Shield.default()
+
+
+@pytest.fixture(scope="module")
+def every_tier() -> list[Shield]:
+    return [Shield.default(tier=tier) for tier in ("interpreter", "scalar", "numpy", "numba")]
 
 
 def ask(shield: Shield, scene: Scene, goal: str) -> list[dict[str, object]]:
@@ -75,6 +80,7 @@ def test_sides(shield: Shield, scene: Scene) -> None:
             (car.id, oracle.gap(car), oracle.needed_gap(car)) for car in oracle.obstacles(side)
         ]
         assert bool(ask(shield, scene, f"beside({side}, Car)")) == oracle.beside(side)
+        assert bool(ask(shield, scene, f"catches_up({side}, Car)")) == oracle.catches_up(side)
     assert bool(ask(shield, scene, "settled")) == oracle.settled
 
 
@@ -104,6 +110,15 @@ def test_reading_of_the_facts(shield: Shield, scene: Scene) -> None:
 def test_actions_where_few_distances_forbid_one(shield: Shield, scene: Scene) -> None:
     """Where lane changes are mostly offered, a reason too many shows."""
     assert [action.atom for action in shield.decide(scene).safe_actions] == Oracle(scene).actions()
+
+
+@MANY
+@given(scene=scenes_with_one_catching_up())
+def test_a_lane_change_is_given_up_for_a_follower_that_catches_up(
+    every_tier: list[Shield], scene: Scene
+) -> None:
+    expected = Oracle(scene).lane_to_keep()
+    assert [shield.decide(scene).lane_to_keep for shield in every_tier] == [expected] * len(every_tier)
 
 
 @MANY
