@@ -131,7 +131,7 @@ def drive(config: EnvConfig, choose: Choice, *, episodes: int, seed: int) -> Cou
     """Drive episodes with a policy that chooses among the offered actions, and count."""
     counts = Counts()
     recordings = [load_recording(name) for name in config.recordings]
-    playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
+    playbacks = in_direction(playbacks_of(recordings, config.radar_range, config.lane_limits), config)
     world = World(
         config, [playbacks] * min(EGOS, episodes), Shield.from_files(config.rules, tier=config.tier)
     )

@@ -64,10 +64,10 @@ PLAIN = st.recursive(
 
 
 def test_presets_ship_and_hold() -> None:
-    assert preset_names() == ["paper", "quick", "tiny"]
+    assert preset_names() == ["paper", "paper-code", "quick", "tiny"]
     for name in preset_names():
         assert isinstance(make_config(preset_values(name), name), TrainConfig)
-    with pytest.raises(UserError, match="no preset 'quik': expected one of paper, quick, tiny"):
+    with pytest.raises(UserError, match="no preset 'quik': expected one of paper, paper-code, quick, tiny"):
         preset_values("quik")
 
 

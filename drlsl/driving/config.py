@@ -22,6 +22,8 @@ TRACK_LENGTH: Final = 840.0
 PREDICTION_HORIZON: Final = 3.0
 """How far ahead the prediction looks [s]: about as long as a lane change takes."""
 
+PositiveSpeed: TypeAlias = Annotated[float, Field(gt=0.0, le=100.0)]
+
 Name: TypeAlias = Annotated[str, Field(min_length=1)]
 
 
@@ -52,6 +54,11 @@ class RewardConfig(Section):
         "and off_road.",
     )
     lane_change: float = Field(5.0, ge=0, description="Weight of a started lane change (its term is -1).")
+    lane_change_behind: float | None = Field(
+        None,
+        description="Reward of a lane change that is started while the front is busy, in place of the weight "
+        "of lane_change; none: the same for all.",
+    )
     velocity: float = Field(0.01, ge=0, description="Weight of the ego's speed in m/s, at every step.")
     lost_speed: float = Field(
         0.25,
@@ -159,6 +166,11 @@ class EnvConfig(Section):
         "auto",
         description="Whether recorded vehicles drive through the ego, or brake for it and follow (IDM); "
         "auto: as their recording says.",
+    )
+    lane_limits: tuple[PositiveSpeed, ...] = Field(
+        (),
+        description="Speed limits of the lanes of a direction in m/s, from right to left; none: those of the "
+        "recording.",
     )
     decision_period: float | None = Field(
         None,

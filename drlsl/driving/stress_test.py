@@ -334,7 +334,7 @@ def stress(
     `policies`, names of `POLICIES`, and `drivers`, by names of their own, take turns. Episode i is a function
     of (`seed`, i) and of its policy; `World` says which parts of `config` matter.
     """
-    playbacks = in_direction(playbacks_of(recordings, config.radar_range), config)
+    playbacks = in_direction(playbacks_of(recordings, config.radar_range, config.lane_limits), config)
     world = World(config, [playbacks] * min(egos, episodes), shield)
     taking_turns: dict[str, Policy] = {name: POLICIES[name] for name in policies}
     taking_turns |= {name: DrivenBy(driver) for name, driver in (drivers or {}).items()}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drlsl.driving.simulation import Playback, playbacks_of
-from drlsl.traffic import Direction
+from drlsl.errors import UserError
+from drlsl.traffic import Direction, load_recording
 from tests.driving.recordings import Drive, recording
 
 
@@ -37,3 +38,21 @@ def test_the_stretch_begins_where_its_traffic_enters(direction: Direction) -> No
     one = next(one for one in playbacks_of([made], 100.0) if one.direction is direction)
     places = [one.at(along) for along in (0.0, 100.0, 420.0)]
     assert places == ([0.0, 100.0, 420.0] if direction is Direction.LEFT_TO_RIGHT else [420.0, 320.0, 0.0])
+
+
+@pytest.mark.parametrize("direction", [Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT])
+def test_limits_of_lanes_count_from_the_right(direction: Direction) -> None:
+    read = load_recording("highway-test")
+    [playback] = [
+        one for one in playbacks_of([read], 100.0, (20.0, 25.0, 30.0)) if one.direction is direction
+    ]
+    # y points down: the right lane of traffic to the right has the largest y.
+    from_the_right = sorted(playback.lanes, key=lambda lane: -direction.sign * lane.centre)
+    assert [lane.speed_limit for lane in from_the_right] == [20.0, 25.0, 30.0]
+    assert set(playback.lanes) <= set(playback.road.lanes)
+    assert [lane.id for lane in playback.road.lanes] == [lane.id for lane in read.lanes]
+
+
+def test_limits_for_another_number_of_lanes_are_refused() -> None:
+    with pytest.raises(UserError, match="2 limits for the 5 lanes that run left_to_right in"):
+        playbacks_of([load_recording("freeway")], 100.0, (20.0, 25.0))

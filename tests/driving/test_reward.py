@@ -15,6 +15,7 @@ def terms(
     config: RewardConfig | None = None,
     playing: bool = True,
     changed: bool = False,
+    front_is_free: bool = True,
     speed: float = 0.0,
     contact: bool = False,
     off_road: bool = False,
@@ -28,6 +29,7 @@ def terms(
     driven = Driven(
         playing=np.array([playing]),
         changed=np.array([changed]),
+        front_is_free=np.array([front_is_free]),
         speed=np.array([speed]),
         contact=np.array([contact]),
         off_road=np.array([off_road]),
@@ -73,6 +75,14 @@ def test_a_second_costs_the_same_at_any_frame_rate(dt: float, frames: int) -> No
     assert found["lost_speed"] * frames == pytest.approx(-0.25 * 10.0)
     assert found["comfort"] * frames == pytest.approx(-0.05 * 4.0)
     assert found["jerk"] * frames == pytest.approx(-0.01 * 9.0)
+
+
+def test_a_lane_change_behind_somebody_may_be_worth_something() -> None:
+    config = RewardConfig(lane_change=1.0, lane_change_behind=2.0)
+    assert terms(config=config, changed=True)["lane_change"] == -1.0
+    assert terms(config=config, changed=True, front_is_free=False)["lane_change"] == 2.0
+    assert terms(config=config, front_is_free=False)["lane_change"] == 0.0
+    assert terms(changed=True, front_is_free=False)["lane_change"] == -5.0
 
 
 def test_an_episode_that_is_over_earns_nothing() -> None:

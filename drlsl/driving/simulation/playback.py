@@ -124,10 +124,19 @@ class Playback:
         return Track(self.sign * x, y, self.sign * vx, float(length[-1]), float(width[-1]))
 
 
-def playbacks_of(recordings: Iterable[Recording], radar_range: float) -> list[Playback]:
-    """Return both directions of each recording, for egos that see `radar_range` [m] far."""
+def playbacks_of(
+    recordings: Iterable[Recording], radar_range: float, limits: Sequence[float] = ()
+) -> list[Playback]:
+    """Return both directions of each recording, for egos that see `radar_range` [m] far.
+
+    `limits`: speed limits of the lanes of a direction [m/s], from right to left, in place of the recording's.
+
+    Raises:
+        UserError: a direction has another number of lanes.
+    """
     result: list[Playback] = []
-    for recording in recordings:
+    for given in recordings:
+        recording = _with_limits(given, limits) if limits else given
         film, road = Film.of(recording), road_of(recording, radar_range)
         result.extend(
             Playback(
@@ -165,16 +174,32 @@ def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
     Raises:
         UserError: a recording cannot be read, or has no lane in the requested direction.
     """
-    loaded: dict[tuple[str, float], list[Playback]] = {}
+    loaded: dict[tuple[str, float, tuple[float, ...]], list[Playback]] = {}
     result = []
     for config in configs:
         playbacks = []
         for name in config.recordings:
-            if (name, config.radar_range) not in loaded:
-                loaded[name, config.radar_range] = playbacks_of([load_recording(name)], config.radar_range)
-            playbacks.extend(loaded[name, config.radar_range])
+            key = name, config.radar_range, config.lane_limits
+            if key not in loaded:
+                loaded[key] = playbacks_of([load_recording(name)], *key[1:])
+            playbacks.extend(loaded[key])
         result.append(in_direction(playbacks, config))
     return result
+
+
+def _with_limits(recording: Recording, limits: Sequence[float]) -> Recording:
+    lanes = []
+    for direction in recording.directions:
+        from_the_right = sorted(recording.lanes_of(direction), key=lambda lane: -direction.sign * lane.centre)
+        if len(from_the_right) != len(limits):
+            raise UserError(
+                f"lane_limits: {len(limits)} limits for the {len(from_the_right)} lanes that run "
+                f"{direction.value} in {recording.name}"
+            )
+        lanes += [
+            replace(lane, speed_limit=limit) for lane, limit in zip(from_the_right, limits, strict=True)
+        ]
+    return replace(recording, lanes=tuple(sorted(lanes, key=lambda lane: lane.id)))
 
 
 def road_of(recording: Recording, radar_range: float) -> Road:

@@ -16,7 +16,8 @@ from drlsl.traffic import Floats, Mask
 class Driven:
     """Results of one frame for N egos; all of shape (N,).
 
-    `playing`: the episode was not over; `changed`: a lane change was started; `speed` [m/s]; `progress`:
+    `playing`: the episode was not over; `changed`: a lane change was started, and `front_is_free`
+    before it; `speed` [m/s]; `progress`:
     distance driven over the track's length; `limit` [m/s]: the highest of the direction; `dt` [s]: the
     frame's duration; `motion` gives acceleration [m/s²] and jerk [m/s³] along the road.
     """
@@ -24,6 +25,7 @@ class Driven:
     playing: Mask
 
     changed: Mask
+    front_is_free: Mask
     speed: Floats
     contact: Mask
     off_road: Mask
@@ -31,6 +33,12 @@ class Driven:
     limit: Floats
     dt: Floats
     motion: Callable[[], tuple[Floats, Floats]]
+
+
+def _change(config: RewardConfig, driven: Driven) -> Floats | float:
+    if config.lane_change_behind is None:
+        return -config.lane_change
+    return np.where(driven.front_is_free, -config.lane_change, config.lane_change_behind)
 
 
 def _ended(weight: float, happened: Mask, config: RewardConfig, driven: Driven) -> Floats:
@@ -43,7 +51,7 @@ def _through_time(weight: float, cost: Floats, driven: Driven) -> Floats:
 
 
 _TERMS: Final[Mapping[str, Callable[[RewardConfig, Driven], Floats]]] = {
-    "lane_change": lambda config, driven: np.where(driven.changed, -config.lane_change, 0.0),
+    "lane_change": lambda config, driven: np.where(driven.changed, _change(config, driven), 0.0),
     "velocity": lambda config, driven: config.velocity * (driven.speed * driven.playing),
     "collision": lambda config, driven: _ended(config.collision, driven.contact, config, driven),
     "off_road": lambda config, driven: _ended(config.off_road, driven.off_road, config, driven),

@@ -221,6 +221,7 @@ class World:
             Driven(
                 playing=playing,
                 changed=changed,
+                front_is_free=decisions.front_is_free,
                 speed=speed,
                 contact=touched,
                 off_road=off_road,
