@@ -76,7 +76,7 @@ follow(Gap, V1, V2, A) :-
     required_gap(V1, V2, Required), braking_needed(Gap, V1, V2, Needed), rear_braking(Sure),
     ( at_the_last(Gap, V1, V2) -> braking_limit(B), A is -B
     ; Gap > Required, Needed =< Sure -> acceleration_limit(A)
-    ; giving_way(B), A is -B
+    ; giving_way(Gently), A is -Gently
     ).
 
 % at_the_last(Gap, V1, V2): unless the ego brakes as hard as it can, it may be too late one time step on. To stop in whole steps takes

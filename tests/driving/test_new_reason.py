@@ -37,6 +37,8 @@ def shields(rules: Path) -> dict[str, Shield]:
 
 DEFAULT = Shield.default()
 
+SIDES = ("left", "right")
+
 
 def fast_scene(speed: float) -> Scene:
     """The example with the sports car so far behind that only its speed can matter."""
@@ -69,7 +71,12 @@ def test_it_takes_away_what_it_objects_to_and_nothing_else(shields: dict[str, Sh
     after = shields["interpreter"].decide(scene)
     opposed = {row["A"] for row in shields["interpreter"].engine.query("objection(A, closes_in_fast(_, _))")}
     kept = tuple(action for action in before.safe_actions if action.atom not in opposed)
-    assert after == replace(before, safe_actions=kept)
+    # The observation tells which lane changes are offered.
+    offered = {
+        f"{side}_offered": float(f"{side}_lane_change" in {one.atom for one in kept}) for side in SIDES
+    }
+    observed = dict(zip(DEFAULT.observation.names, before.observation, strict=True)) | offered
+    assert after == replace(before, safe_actions=kept, observation=tuple(observed.values()))
     for shield in shields.values():
         assert shield.decide_batch(SceneBatch.of([scene])).action_mask.tolist() == [
             list(map(bool, after.action_mask))

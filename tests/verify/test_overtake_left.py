@@ -70,13 +70,18 @@ def test_slips_are_found(tmp_path: Path, slip: str) -> None:
     assert statuses(tmp_path / "slip.pl", name) == {name: "refuted"}
 
 
-def test_all_are_known_for_any_number_of_vehicles() -> None:
+SYMMETRIES = {"left_is_as_right": 7, "both_directions_alike": 12}
+"""Vehicles that these would have to be proved with to hold for any number; 6 are tried."""
+
+
+def test_all_but_the_symmetries_are_known_for_any_number_of_vehicles() -> None:
     results = verify(Request((LEFT,), (PROPERTIES,), vehicles=6, cases=())).results
-    assert {result.name for result in results if not result.for_any_number} == set()
+    assert {result.name: result.enough for result in results if not result.for_any_number} == SYMMETRIES
 
 
 @pytest.mark.slow
 def test_everything_else_is_proved_on_every_road() -> None:
     results = verify(Request((LEFT,), (PROPERTIES,), vehicles=6, jobs=2)).results
     assert {result.name for result in results if result.status != "proved"} == NOT_MEANT
-    assert all(result.for_any_number for result in results if result.status == "proved")
+    open_ended = {result.name for result in results if result.for_any_number}
+    assert open_ended >= {result.name for result in results if result.status == "proved"} - SYMMETRIES.keys()
