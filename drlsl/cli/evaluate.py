@@ -46,9 +46,6 @@ ROWS: Sequence[tuple[str, str, str]] = (
 POLICY = "policy"
 """Name of a run's own driver."""
 
-KEEP = "keep"
-"""Name of the driver whose time the others are compared with."""
-
 
 Who = Annotated[
     str,
@@ -197,7 +194,7 @@ def judge(
     """
     from rich.progress import Progress
 
-    from drlsl.driving.drivers import make_driver
+    from drlsl.driving.drivers import KEEP, make_driver
     from drlsl.learning import as_record, drive, times_of
 
     keep = Trial(KEEP, make_driver(KEEP), "on")

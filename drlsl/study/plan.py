@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, ValidationError, model_validator
 
 from drlsl.driving import EnvConfig, Section
-from drlsl.driving.drivers import DRIVERS, is_driver, make_driver
+from drlsl.driving.drivers import DRIVERS, KEEP, is_driver, make_driver
 from drlsl.errors import UserError
 from drlsl.files import parse_yaml, read_yaml, to_yaml
 from drlsl.learning import TrainConfig, make_config, merged, preset_names, preset_values, with_value
@@ -18,9 +18,6 @@ from drlsl.study.paper import PaperMethod, PaperTest
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9]+([._-][a-z0-9]+)*$", max_length=60)]
 """Names of methods and tests are parts of file names."""
-
-KEEP = "keep"
-"""The driver whose time the others are compared with."""
 
 US_101 = re.compile(r"us-?101", re.IGNORECASE)
 """Paths of recordings of the paper's third scenario."""

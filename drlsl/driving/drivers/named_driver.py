@@ -17,8 +17,11 @@ from drlsl.driving.scene import Action
 from drlsl.errors import UserError
 from drlsl.files import find_object, users_code
 
+KEEP: Final = "keep"
+"""The driver whose time the others are compared with."""
+
 DRIVERS: Final[Mapping[str, type[Section]]] = {
-    "keep": Keep,
+    KEEP: Keep,
     "always-change": AlwaysChange,
     "mobil": Mobil,
 }
