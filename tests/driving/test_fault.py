@@ -226,6 +226,29 @@ def test_a_vehicle_that_appears_beyond_the_stopping_distance_is_no_surprise() ->
 
 
 @pytest.mark.parametrize(
+    ("apart", "seconds", "expected"),
+    [
+        (0.7, 0.4, Verdict.OUT_OF_NOWHERE),
+        (1.6, 0.9, Verdict.AT_FAULT),
+        (1.0, 1.2, Verdict.AT_FAULT),
+    ],
+    ids=["too near to stop", "room to stop", "time to stop"],
+)
+def test_a_vehicle_that_appears_beside_an_ego_in_mid_change(
+    apart: float, seconds: float, expected: Verdict
+) -> None:
+    """The ego moves over at 1.8 m/s: stopping sideways takes 0.95 s and 1.17 m. The other stands."""
+    steps = round(seconds / DT) + 1
+    y = np.linspace(CENTRE[1] + WIDTH + apart, CENTRE[1] + WIDTH + apart - 1.8 * seconds, steps)
+    y[-1] = min(y[-1], CENTRE[1] + WIDTH - 0.01)
+    ego = track(100.0 + 10.0 * seconds, 10.0, y, steps)
+    ego.s[:] = 100.0 + np.minimum(10.0 * np.arange(steps) * DT, 3.5)
+    other = track(99.0, 0.0, CENTRE[1], steps)
+    assert verdict(ego, other, other_appeared=True) is expected
+    assert verdict(ego, other, other_appeared=False) is Verdict.AT_FAULT
+
+
+@pytest.mark.parametrize(
     ("ego_moves", "expected"), [(False, Verdict.STRUCK_FROM_THE_SIDE), (True, Verdict.AT_FAULT)]
 )
 def test_a_follower_that_swerves_past_the_ego_and_back_strikes_it_from_the_side(

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from drlsl.driving.simulation.controllers import LATERAL_ACCELERATION_LIMIT
 from drlsl.traffic import Floats, Lane, Mask
 
 BRAKING: Final = 6.0
@@ -227,12 +228,29 @@ class _Encounter:
         )
 
     def out_of_nowhere(self) -> bool:
-        """Return whether the other appeared inside the rear one's stopping distance, too late to stop."""
-        if not self.other_appeared:
-            return False
+        """Return whether the other appeared inside a stopping distance, along or across the road."""
+        return self.other_appeared and (self._appeared_in_the_way() or self._appeared_beside())
+
+    def _appeared_in_the_way(self) -> bool:
+        """Return whether whichever of the two was behind could not stop, nor has had the time to."""
         rear = self.other if self.other.s[0] < self.ego.s[0] else self.ego
-        speed = float(rear.speed[0])
-        stopping_time = REACTION + speed / BRAKING
-        stopping_distance = speed * REACTION + speed * speed / (2 * BRAKING)
+        return self._surprised(float(self._gap()[0]), float(rear.speed[0]), BRAKING)
+
+    def _appeared_beside(self) -> bool:
+        """Return whether the other appeared alongside while the ego moved towards it, unable to stop."""
+        if len(self.ego.s) < 2 or self._gap()[0] > 0:
+            return False
+        offset = float(self.other.y[0] - self.ego.y[0])
+        towards = float(np.sign(offset) * (self.ego.y[1] - self.ego.y[0])) / self.dt
+        apart = abs(offset) - (self.ego.width + self.other.width) / 2
+        return towards > 0 and self._surprised(apart, towards, LATERAL_ACCELERATION_LIMIT)
+
+    def _surprised(self, distance: float, speed: float, braking: float) -> bool:
+        """Return whether there was neither the distance [m] nor, since the other appeared, the time to stop.
+
+        `speed` [m/s] is what the one that had to stop had, `braking` [m/s²] what it stops with.
+        """
+        stopping_time = REACTION + speed / braking
+        stopping_distance = speed * REACTION + speed * speed / (2 * braking)
         since = (len(self.ego.s) - 1) * self.dt
-        return float(self._gap()[0]) <= stopping_distance and since <= stopping_time
+        return distance <= stopping_distance and since <= stopping_time
