@@ -1,10 +1,16 @@
-from .driving import Action, Decision, Scene, Shield
+from .driving import Action, Decision, Road, Scene, Shield, Vehicle, facts_of
+from .traffic import Direction, Lane
 from .version import __version__
 
 __all__ = [
     "Action",
     "Decision",
+    "Direction",
+    "Lane",
+    "Road",
     "Scene",
     "Shield",
+    "Vehicle",
     "__version__",
+    "facts_of",
 ]

@@ -154,10 +154,10 @@ def _source(tier: Tier, lowered: Lowered) -> str:
 def shell(files: RuleFiles = None) -> None:
     """Answer queries of a rule program, explain them, and reload changed files."""
     from drlsl.cli.shell import run_shell
-    from drlsl.driving.shield import default_rules, rule_file, rules_folder
+    from drlsl.driving.shield import default_rules, rule_file
 
     chosen = [rule_file(file) for file in files or default_rules()]
-    raise typer.Exit(run_shell(chosen, [rules_folder()]))
+    raise typer.Exit(run_shell(chosen))
 
 
 def _query(goal: str) -> Query:

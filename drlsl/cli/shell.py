@@ -25,14 +25,11 @@ Type a goal and a full stop, such as  member(X, [1, 2, 3]).  Then ; asks for the
   listing(Name).   print the clauses    halt.   leave (or end of input)"""
 
 
-def run_shell(files: Sequence[str | Path] = (), search: Sequence[Path] = ()) -> int:
-    """Load files and answer queries until the end of the input; return the exit status.
-
-    Files that others name are looked for beside them, then in the folders of `search`.
-    """
+def run_shell(files: Sequence[str | Path] = ()) -> int:
+    """Load files and answer queries until the end of the input; return the exit status."""
     engine = Engine()
     with _line_editing(engine):
-        return Shell(engine, input, _read_key, search).run(files)
+        return Shell(engine, input, _read_key).run(files)
 
 
 class Shell:
@@ -43,10 +40,8 @@ class Shell:
         engine: Engine,
         read_line: Callable[[str], str],
         read_key: Callable[[], str],
-        search: Sequence[Path] = (),
     ) -> None:
         self.engine = engine
-        self._search = search
         self._read_line = read_line
         self._read_key = read_key
         self._files: list[Path] = []
@@ -78,7 +73,7 @@ class Shell:
         """Load a file, or print its error."""
         warned = len(self.engine.warnings)
         try:
-            self.engine.consult(path, self._search)
+            self.engine.consult(path)
         except OSError as error:
             print(f"{path}: {error.strerror}")
             return

@@ -1,6 +1,6 @@
 from .config import EnvConfig, Section
 from .envs import HighwayEnv, HighwayVectorEnv, make_env, make_vec
-from .scene import Action, Scene
+from .scene import Action, Road, Scene, Vehicle, facts_of
 from .shield import Decision, Shield
 from .stress_test import POLICIES, Counts, StressReport, stress
 
@@ -12,10 +12,13 @@ __all__ = [
     "EnvConfig",
     "HighwayEnv",
     "HighwayVectorEnv",
+    "Road",
     "Scene",
     "Section",
     "Shield",
     "StressReport",
+    "Vehicle",
+    "facts_of",
     "make_env",
     "make_vec",
     "stress",

@@ -211,8 +211,8 @@ class Engine:
     ) -> None:
         """Load a file; loading it again replaces its earlier clauses.
 
-        Files that it names are searched beside it, then in the folders of `search`. `limits` bound the
-        reading of it, its directives and the files that it loads, all together.
+        Files that it names are searched beside it, then in the folders of `search`, then among the programs
+        that ship. `limits` bound the reading of it, its directives and the files that it loads, all together.
 
         Raises:
             PrologError: The file has errors, all of which the exception names; the program is as it was.
@@ -225,6 +225,8 @@ class Engine:
     def consult_text(self, text: str, name: str = "text", *, limits: Limits | None = None) -> None:
         """Load a program from a string; `name` stands for a file's name in messages.
 
+        Files that it names are searched in the working directory, then among the programs that ship.
+
         Raises:
             PrologError: The text has errors, all of which the exception names; the program is as it was.
             LimitExceeded: Loading went beyond its limits; the program is as it was.
@@ -234,8 +236,8 @@ class Engine:
     def load_files(self, files: Term, *, again: bool, meter: Meter) -> None:
         """Load the file that a term names, or each of a list, also `again` if it was loaded before.
 
-        They are searched beside the file that is being loaded, else in the working directory. `meter` is that
-        of the query that loads them.
+        They are searched beside the file that is being loaded, else in the working directory, then among the
+        programs that ship. `meter` is that of the query that loads them.
 
         Raises:
             PrologError: There is no such file, or it has errors.

@@ -86,6 +86,17 @@ def test_a_query_loads_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert engine.holds("catch(consult(nosuch), error(existence_error(source_sink, nosuch), _), true)")
 
 
+def test_a_text_finds_the_programs_that_ship(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    engine = Engine()
+    engine.consult_text(":- ensure_loaded('highway.pl').")
+    assert engine.defines("safe_actions", 1)
+    (tmp_path / "highway.pl").write_text("own.")
+    engine = Engine()
+    engine.consult_text(":- ensure_loaded('highway.pl').")
+    assert engine.predicates() == [("own", 0)], "a file of the user's comes first"
+
+
 @pytest.mark.parametrize("goal", ["[user]", "consult(user)", "consult([user])"])
 def test_the_terminal_is_no_file(tmp_path: Path, goal: str) -> None:
     with pytest.raises(PrologError, match=r"permission error: .*user.*terminal"):

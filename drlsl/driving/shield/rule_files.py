@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits
+from drlsl.logic.loading import shipped_folder
 
 LOADING: Final = Limits(inferences=20_000_000, seconds=60.0)
 """The limits of loading a rule file, its directives included."""
@@ -23,16 +23,15 @@ def default_rules() -> tuple[Path, ...]:
 
 
 def rules_folder() -> Path:
-    """Return the folder of the programs that ship: in the package, or in a checkout beside it.
+    """Return the folder of the programs that ship.
 
     Raises:
         UserError: neither place has them.
     """
-    package = Path(str(files("drlsl")))
-    for folder in (package / "rules", package.parent / "rules"):
-        if (folder / "highway.pl").is_file():
-            return folder
-    raise UserError(f"no rules/highway.pl in {package} or beside it; install drlsl again")
+    folder = shipped_folder()
+    if folder is None:
+        raise UserError("the package has no rules/highway.pl; install drlsl again")
+    return folder
 
 
 def consult_rules(engine: Engine, path: str | Path) -> None:
@@ -45,7 +44,7 @@ def consult_rules(engine: Engine, path: str | Path) -> None:
         PrologError: it is not a valid program, or loading it goes beyond `LOADING`.
     """
     try:
-        engine.consult(rule_file(path), [rules_folder()], limits=LOADING)
+        engine.consult(rule_file(path), limits=LOADING)
     except OSError as error:
         raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
 

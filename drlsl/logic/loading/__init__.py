@@ -9,6 +9,7 @@ from drlsl.logic.loading.consult import (
     read_source,
 )
 from drlsl.logic.loading.linking import Linker, builtin, library
+from drlsl.logic.loading.shipped import shipped_folder
 
 __all__ = [
     "LARGEST_FILE",
@@ -20,4 +21,5 @@ __all__ = [
     "find_file",
     "library",
     "read_source",
+    "shipped_folder",
 ]

@@ -36,6 +36,7 @@ from drlsl.logic.errors import (
 from drlsl.logic.limits import Limits, Meter
 from drlsl.logic.loading.conditions import Conditions
 from drlsl.logic.loading.linking import Linker, builtin, library
+from drlsl.logic.loading.shipped import shipped_folder
 from drlsl.logic.syntax import ReadTerm, read_terms
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
 
@@ -492,7 +493,9 @@ def read_source(path: Path) -> str:
 
 
 def find_file(term: Term, folder: Path | None, search: Sequence[Path] = ()) -> Path:
-    """Return the file that an atom names, with or without ``.pl``, in a folder or else in a search path.
+    """Return the file that an atom names, with or without ``.pl``.
+
+    It is searched in the folder, in those of the search path, then among the programs that ship.
 
     Raises:
         ExistenceError: There is no such file.
@@ -503,7 +506,9 @@ def find_file(term: Term, folder: Path | None, search: Sequence[Path] = ()) -> P
     if type(term) is not Atom and type(term) is not str:
         raise type_error("atom", term)
     name = term.name if type(term) is Atom else str(term)
-    for place in (folder or Path(), *search):
+    shipped = shipped_folder()
+    places = [folder or Path(), *search]
+    for place in places if shipped is None else [*places, shipped]:
         for candidate in (place / name, place / f"{name}.pl"):
             if candidate.is_file():
                 return candidate
