@@ -81,6 +81,10 @@ def train(
     out: Annotated[Path | None, typer.Option(help="Run folder; default: a new one in runs/.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Resume the run in --out.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the run in --out.")] = False,
+    tensorboard: Annotated[
+        bool,
+        typer.Option("--tensorboard", help="Write event files for TensorBoard into the run folder, too."),
+    ] = False,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the settings that would be used, and stop.")
     ] = False,
@@ -108,7 +112,8 @@ def train(
     }
     given = given_settings(settings or [], flags, "learning.discount=0.9")
     if resume:
-        session = _resume(out, given, others=bool(force or config or preset or print_config))
+        others = bool(force or config or preset or print_config)
+        session = _resume(out, given, others=others, tensorboard=tensorboard)
     else:
         chosen = _effective_config(preset, config, given)
         if print_config:
@@ -116,7 +121,7 @@ def train(
 
             typer.echo(dump_yaml(chosen), nl=False)
             return
-        session = _start(out, chosen, force)
+        session = _start(out, chosen, force=force, tensorboard=tensorboard)
     with session:
         _train(session)
 
@@ -134,14 +139,14 @@ def _effective_config(preset: str | None, file: Path | None, given: Mapping[str,
     return make_config(merged(values, given), "command line")
 
 
-def _start(out: Path | None, config: TrainConfig, force: bool) -> Session:
+def _start(out: Path | None, config: TrainConfig, *, force: bool, tensorboard: bool) -> Session:
     from drlsl.learning import Session, next_free_folder
 
     root = out or next_free_folder(RUNS, f"{config.method}-seed{config.seed}")
-    return Session.start(root, config, force=force)
+    return Session.start(root, config, force=force, tensorboard=tensorboard)
 
 
-def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool) -> Session:
+def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool, tensorboard: bool) -> Session:
     from drlsl.learning import RunFolder, Session, make_config, merged
 
     if out is None:
@@ -151,7 +156,7 @@ def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool) -> Sess
     stored = RunFolder.open(out).config
     if make_config(merged(stored.model_dump(), given), "command line") != stored:
         raise UserError(f"--resume: a setting given here differs from {out}/config.yaml; leave it out")
-    return Session.resume(out)
+    return Session.resume(out, tensorboard=tensorboard)
 
 
 def _train(session: Session) -> None:
@@ -169,6 +174,8 @@ def _train(session: Session) -> None:
         raise typer.Exit(stop.status)
     figures = session.draw_figures()
     typer.echo(f"{len(figures)} figures in {session.folder.figures}")
+    if session.folder.tensorboard.is_dir():
+        typer.echo(f"scalars: tensorboard --logdir {shlex.quote(str(session.folder.tensorboard))}")
     _evaluate_briefly(session, console)
     typer.echo("next:")
     typer.echo(f"  drlsl eval {shown}")

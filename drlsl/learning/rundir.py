@@ -10,7 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import pandas as pd
 
@@ -26,10 +26,13 @@ from drlsl.files import (
 )
 from drlsl.learning.config import TrainConfig, dump_yaml, load_config
 from drlsl.learning.episode import EpisodeSummary
-from drlsl.learning.trainer import EpisodeEvent
+
+if TYPE_CHECKING:
+    from drlsl.learning.trainer import EpisodeEvent
 
 CONFIG, METRICS, CHECKPOINT = "config.yaml", "metrics.csv", "checkpoint.pt"
 POLICY, EVALUATION, FIGURES = "policy.pt", "evaluation.json", "figures"
+TENSORBOARD = "tensorboard"
 LOCK, EVALUATION_LOCK = ".lock", ".evaluation.lock"
 
 LOCK_S = 10.0
@@ -51,6 +54,9 @@ METRIC_COLUMNS = [
     "wall_s",
 ]
 """The columns of metrics.csv with the paper's reward."""
+
+_TRUTHS = ("contact", "at_fault", "off_road")
+"""Columns that hold 0 or 1 and mean false or true."""
 
 TRAINING = "training"
 """Purpose of the lock on a run folder, for its error."""
@@ -141,20 +147,26 @@ class RunFolder:
         """The folder of the training figures."""
         return self.root / FIGURES
 
-    def append_metrics(self, event: EpisodeEvent) -> None:
-        """Add an episode's row; floats are written so that they read back bit for bit.
+    @property
+    def tensorboard(self) -> Path:
+        """The folder of the event files for TensorBoard."""
+        return self.root / TENSORBOARD
+
+    def append_metrics(self, event: "EpisodeEvent") -> dict[str, Any]:
+        """Add an episode's row, and return it; floats are written so that they read back bit for bit.
 
         Raises:
             UserError: the file cannot be written.
         """
         row = {_COLUMN_OF.get(name, name): value for name, value in dataclasses.asdict(event.summary).items()}
-        row |= {name: getattr(event, name) for name in self.columns if name not in row}
+        row = {name: row[name] if name in row else getattr(event, name) for name in self.columns}
         path = self.root / METRICS
         try:
             with path.open("a", newline="", encoding="utf-8") as file:
-                csv.writer(file, lineterminator="\n").writerow(_cell(row[name]) for name in self.columns)
+                csv.writer(file, lineterminator="\n").writerow(map(_cell, row.values()))
         except OSError as error:
             raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
+        return row
 
     def sync_metrics(self) -> str:
         """Force the rows to the disk, so that no checkpoint is ever ahead of them; return their SHA-256."""
@@ -196,13 +208,16 @@ class RunFolder:
     def metrics(self, sha256: str | None = None) -> pd.DataFrame:
         """Return the rows so far, one per episode; `sha256`, if given, must be that of the file.
 
+        A last row that is not whole, of a run that was killed or is being written to, is left out.
+
         Raises:
             UserError: the file is missing, or is not the metrics of a run, or not those of that checksum.
         """
         path = self.root / METRICS
         try:
             content = path.read_bytes()
-            frame = pd.read_csv(io.BytesIO(content), keep_default_na=False, na_values={"loss": [""]})
+            whole = io.BytesIO(content[: content.rfind(b"\n") + 1])
+            frame = pd.read_csv(whole, keep_default_na=False, na_values={"loss": [""]})
         except (OSError, ValueError) as error:
             raise UserError(f"{path}: cannot read the metrics: {str(error).strip()}") from error
         if sha256 not in (None, hashlib.sha256(content).hexdigest()):
@@ -211,6 +226,22 @@ class RunFolder:
         if missing:
             raise UserError(f"{path}: expected the column{'s'[: len(missing) > 1]} {', '.join(missing)}")
         return frame
+
+    def episodes(self) -> list[dict[str, Any]]:
+        """Return the rows so far as `append_metrics` returned them; a last row that is not whole is left out.
+
+        Raises:
+            UserError: the file is missing, or is not the metrics of a run.
+        """
+        path = self.root / METRICS
+        try:
+            lines = path.read_text("utf-8").splitlines(keepends=True)
+            rows = csv.DictReader(line for line in lines if line.endswith("\n"))
+            return [{name: _value(name, row[name]) for name in self.columns} for row in rows]
+        except OSError as error:
+            raise UserError(f"{path}: cannot read the metrics: {error.strerror or error}") from error
+        except (KeyError, TypeError, ValueError) as error:
+            raise UserError(f"{path}: damaged: {error!r}; `drlsl train --resume` mends it") from error
 
     def save_evaluations(self, evaluations: Iterable[dict[str, Any]], key: Iterable[str]) -> Path:
         """Put evaluations into evaluation.json; each replaces an earlier one equal in all of `key`.
@@ -278,7 +309,7 @@ def _refuse_occupied(root: Path, force: bool) -> None:
 
 def _is_ours(name: str) -> bool:
     """Return whether a run writes a file of this name, or leaves one when it is killed."""
-    known = (CONFIG, METRICS, CHECKPOINT, POLICY, EVALUATION, FIGURES, LOCK, EVALUATION_LOCK)
+    known = (CONFIG, METRICS, CHECKPOINT, POLICY, EVALUATION, FIGURES, TENSORBOARD, LOCK, EVALUATION_LOCK)
     return name in known or name.startswith(tuple(f".{item}." for item in known))
 
 
@@ -304,3 +335,12 @@ def _cell(value: object) -> object:
     if value is None:
         return ""
     return int(value) if isinstance(value, bool) else repr(value) if isinstance(value, float) else value
+
+
+def _value(name: str, text: str) -> object:
+    """Return the value of a cell, as `_cell` wrote it."""
+    if name == "contact_reason":
+        return text
+    if name in _TRUTHS:
+        return bool(int(text))
+    return None if not text else int(text) if text.isdecimal() else float(text)

@@ -19,7 +19,8 @@ from drlsl.learning.fleet import HasSpaces, VectorHighway
 from drlsl.learning.network import Policy
 from drlsl.learning.network_factory import Factory, factory_name
 from drlsl.learning.rundir import RunFolder
-from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
+from drlsl.learning.tensorboard import TensorBoardLog, require_tensorboard
+from drlsl.learning.trainer import EpisodeEvent, StepEvent, Trainer, make_learner, resolve_device
 
 
 class Session(AbstractContextManager["Session"]):
@@ -28,43 +29,58 @@ class Session(AbstractContextManager["Session"]):
     As a context manager it is closed at the end.
     """
 
-    def __init__(self, folder: RunFolder, trainer: Trainer, lock: FolderLock) -> None:
+    def __init__(self, folder: RunFolder, trainer: Trainer, lock: FolderLock, *, tensorboard: bool) -> None:
         self.folder = folder
         self.trainer = trainer
         self._lock = lock
+        self._log = TensorBoardLog(folder) if tensorboard else None
         self.saved_steps = trainer.total_steps
         """The step after which the last checkpoint was written."""
 
     @classmethod
-    def start(cls, root: Path, config: TrainConfig, *, force: bool = False) -> Self:
+    def start(
+        cls, root: Path, config: TrainConfig, *, force: bool = False, tensorboard: bool = False
+    ) -> Self:
         """Begin a new run; the folder is made only once the environment and the learner exist.
 
+        `tensorboard`: whether to write event files for TensorBoard, too.
+
         Raises:
-            UserError: the environment cannot be made, or the folder is occupied or used by another process.
+            UserError: the environment cannot be made, the folder is occupied or used by another process, or
+                TensorBoard is not installed.
         """
+        if tensorboard:
+            require_tensorboard()
         trainer = Trainer(make_training_env(config), config)
         folder = RunFolder.create(root, config, force=force)
-        session = cls(folder, trainer, folder.lock())
+        session = cls(folder, trainer, folder.lock(), tensorboard=tensorboard)
         session.checkpoint()
         return session
 
     @classmethod
-    def resume(cls, root: Path) -> Self:
+    def resume(cls, root: Path, *, tensorboard: bool = False) -> Self:
         """Resume a run from its last checkpoint; metrics rows after it are dropped, to be made again.
 
+        Event files for TensorBoard are continued if there are any; `tensorboard` begins them otherwise, with
+        the episodes so far.
+
         Raises:
-            UserError: there is no run, another process is training it, or its files are inconsistent.
+            UserError: there is no run, another process is training it, its files are inconsistent, or
+                TensorBoard is not installed and asked for.
         """
         folder = RunFolder.open(root)
+        tensorboard = tensorboard or folder.tensorboard.is_dir()
+        if tensorboard:
+            require_tensorboard()
         lock = folder.lock()
         try:
-            return cls._resumed(folder, lock)
+            return cls._resumed(folder, lock, tensorboard)
         except BaseException:
             lock.release()
             raise
 
     @classmethod
-    def _resumed(cls, folder: RunFolder, lock: FolderLock) -> Self:
+    def _resumed(cls, folder: RunFolder, lock: FolderLock, tensorboard: bool) -> Self:
         state = load_state(folder.checkpoint, "checkpoint")
         if make_config(state["config"], f"{folder.checkpoint}") != folder.config:
             raise UserError(
@@ -77,13 +93,15 @@ class Session(AbstractContextManager["Session"]):
         except ValueError as error:
             raise UserError(f"{folder.checkpoint}: {error}") from error
         folder.keep_metrics(trainer.done(), state.get("metrics"))
-        session = cls(folder, trainer, lock)
+        session = cls(folder, trainer, lock, tensorboard=tensorboard)
         # A run that was killed between the two has the weights of the previous checkpoint.
         session._save_policy()
         return session
 
     def close(self) -> None:
-        """Unlock the folder."""
+        """Write what is left, and unlock the folder."""
+        if self._log is not None:
+            self._log.close()
         self._lock.release()
 
     def __exit__(self, *exception: object) -> None:
@@ -97,13 +115,18 @@ class Session(AbstractContextManager["Session"]):
         config, trainer = self.folder.config, self.trainer
         for event in trainer.run():
             for episode in event.ended:
-                self.folder.append_metrics(episode)
+                self._record(episode)
             stopping = stop()
             if stopping or any(_checkpoint_is_due(config, episode.finished) for episode in event.ended):
                 self.checkpoint()
             yield event
             if stopping:
                 return
+
+    def _record(self, episode: EpisodeEvent) -> None:
+        row = self.folder.append_metrics(episode)
+        if self._log is not None:
+            self._log.add(row)
 
     def checkpoint(self) -> None:
         """Write the whole state of the learner, then the weights separately."""
@@ -205,6 +228,7 @@ def train(
     network: str | Factory | Mapping[str, Any] | None = None,
     preset: str = "quick",
     force: bool = False,
+    tensorboard: bool = False,
     **settings: Any,
 ) -> RunFolder:
     """Train from the first episode to the last, as `drlsl train` does, and return the run's folder.
@@ -216,6 +240,7 @@ def train(
             `factory` among them.
         preset: the settings to start from.
         force: whether an earlier run in `out` is replaced.
+        tensorboard: whether to write event files for TensorBoard, too.
         settings: any others, such as `episodes=100, env={"recording": "freeway"}`.
 
     Raises:
@@ -223,7 +248,8 @@ def train(
     """
     refuse_while_loading("a training")
     values = merged(merged(preset_values(preset), settings), {"network": _plain_settings(network)})
-    with Session.start(Path(out), make_config(values, "train()"), force=force) as session:
+    config = make_config(values, "train()")
+    with Session.start(Path(out), config, force=force, tensorboard=tensorboard) as session:
         for _ in session.run():
             pass
         session.draw_figures()

@@ -52,6 +52,27 @@ def names(path: Path) -> set[str]:
     return {item.name for item in path.iterdir()}
 
 
+def test_rows_read_back_as_they_were_added(folder: RunFolder) -> None:
+    added = [folder.append_metrics(event(1, loss=None)), folder.append_metrics(event(2))]
+    assert folder.episodes() == added
+    assert added[0]["contact"] is True
+    assert (added[0]["loss"], added[1]["return"], added[1]["episode"]) == (None, -1 / 3, 2)
+    path = folder.root / "metrics.csv"
+    path.write_text(path.read_text() + path.read_text().splitlines()[-1][:-1])
+    assert folder.episodes() == added
+    assert len(folder.metrics()) == 2
+
+
+def test_rows_that_are_no_metrics_are_refused(folder: RunFolder) -> None:
+    folder.append_metrics(event(1))
+    path = folder.root / "metrics.csv"
+    text = path.read_text()
+    for damaged in (text.replace("struck from behind,0", "struck from behind,no"), text + "2,20\n"):
+        path.write_text(damaged)
+        with pytest.raises(UserError, match=r"metrics\.csv: damaged: "):
+            folder.episodes()
+
+
 def test_a_new_folder_opens_with_its_configuration(folder: RunFolder, tiny_config: TrainConfig) -> None:
     assert RunFolder.open(folder.root).config == tiny_config
     assert names(folder.root.parent) == {"run"}
