@@ -124,12 +124,9 @@ def evaluate(
         "env.rules": [str(path) for path in rules] if rules else None,
         "env.track_length": track_length,
     }
-    given = given_settings(settings or [], flags, "env.traffic=reactive")
-    arguments = given.pop("driver", {})
-    if given.keys() - {"env"} or not isinstance(arguments, Mapping):
-        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
     folder = None if _is_driver(who) else RunFolder.open(Path(who))
     base = folder.config.model_dump() if folder is not None else preset_values("quick")
+    given, arguments = _settings(settings or [], flags)
     config = make_config(merged(base, given), "command line")
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
@@ -153,6 +150,19 @@ def evaluate(
         typer.echo(text)
     else:
         Console().print(evaluation_table(records))
+
+
+def _settings(settings: list[str], flags: Mapping[str, object]) -> tuple[dict[str, Any], Mapping[str, Any]]:
+    """Return the settings of the environment that were given, and the parameters of the driver.
+
+    Raises:
+        UserError: anything else is set.
+    """
+    given = given_settings(settings, flags, "env.traffic=reactive")
+    arguments = given.pop("driver", {})
+    if given.keys() - {"env"} or not isinstance(arguments, Mapping):
+        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
+    return given, arguments
 
 
 def _is_driver(who: str) -> bool:

@@ -16,14 +16,13 @@ from drlsl.traffic import Floats, Mask
 class Driven:
     """Results of one frame for N egos; all of shape (N,).
 
-    `playing`: the episode was not over; `changed`: a lane change was started, and `front_is_free`
-    before it; `speed` [m/s]; `progress`:
-    distance driven over the track's length; `limit` [m/s]: the highest of the direction; `dt` [s]: the
-    frame's duration; `motion` gives acceleration [m/s²] and jerk [m/s³] along the road.
+    `playing`: the episode was not over; `changed`: a lane change was started, and `front_is_free` before
+    it; `speed` [m/s]; `progress`: distance driven over the track's length; `limit` [m/s]: the highest of
+    the direction; `dt` [s]: the frame's duration; `motion` gives acceleration [m/s²] and jerk [m/s³] along
+    the road.
     """
 
     playing: Mask
-
     changed: Mask
     front_is_free: Mask
     speed: Floats

@@ -200,10 +200,7 @@ class World:
         actions = several_actions(actions, self.count)
         egos, at, decisions = self._egos, self._egos.at, self.decisions
         playing = ~at.ended
-        changed = egos.steer(actions, decisions.lane_to_keep, self._courses)
-        if self._reactive is not None and self._scenes is not None:
-            self._reactive.advance(self._scenes, self._courses, at.frame, self._reacts.take(at.playback))
-        egos.drive(decisions.target_speed, decisions.comfortable_acceleration, self._courses)
+        changed = self._move(actions, decisions)
         over = at.frame >= self._courses.frames
         around = self._look()
         contacts = worst_contacts(around.touching(playing & ~over, self._largest), self._judge)
@@ -215,31 +212,21 @@ class World:
         tracks = self._tracks.take(at.playback)
         truncated = (at.distance >= tracks) & playing & ~terminated
         at.ended |= terminated | truncated
-        speed, distance = at.speed.copy(), at.distance.copy()
-        rewards = reward_terms(
-            self.config.reward,
-            Driven(
-                playing=playing,
-                changed=changed,
-                front_is_free=decisions.front_is_free,
-                speed=speed,
-                contact=touched,
-                off_road=off_road,
-                progress=distance / tracks,
-                limit=self._courses.limit,
-                dt=self._courses.dt,
-                motion=partial(egos.past.motion, self._courses.dt),
-            ),
+        driven = Driven(
+            playing=playing,
+            changed=changed,
+            front_is_free=decisions.front_is_free,
+            speed=at.speed.copy(),
+            contact=touched,
+            off_road=off_road,
+            progress=at.distance / tracks,
+            limit=self._courses.limit,
+            dt=self._courses.dt,
+            motion=partial(egos.past.motion, self._courses.dt),
         )
-        if self._meter is not None:
-            self._meter.add(
-                playing,
-                around.scenes,
-                decisions.action_mask,
-                egos.past.motion(self._courses.dt),
-                sign=self._courses.sign,
-                dt=self._courses.dt,
-            )
+        rewards = reward_terms(self.config.reward, driven)
+        self._measure(driven, around.scenes, decisions.action_mask)
+        distance = at.distance.copy()
         entered = self._reenter(over)
         if restarts:
             self._begin(restarts)
@@ -256,9 +243,24 @@ class World:
             contacts=contacts,
             entered=entered,
             distance=distance,
-            speed=speed,
+            speed=driven.speed,
             failures=decisions.failures,
         )
+
+    def _move(self, actions: Integers, decisions: Decisions) -> Mask:
+        """Move the traffic that reacts and the egos by one frame; return which egos began a lane change."""
+        egos, at = self._egos, self._egos.at
+        changed = egos.steer(actions, decisions.lane_to_keep, self._courses)
+        if self._reactive is not None and self._scenes is not None:
+            self._reactive.advance(self._scenes, self._courses, at.frame, self._reacts.take(at.playback))
+        egos.drive(decisions.target_speed, decisions.comfortable_acceleration, self._courses)
+        return changed
+
+    def _measure(self, driven: Driven, scenes: SceneBatch, offered: Mask) -> None:
+        """Add a step to the measures of comfort and of gaps, if they are taken."""
+        if self._meter is not None:
+            motion = driven.motion()
+            self._meter.add(driven.playing, scenes, offered, motion, sign=self._courses.sign, dt=driven.dt)
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of traffic, egos, controllers and generators, in arrays and plain types.
