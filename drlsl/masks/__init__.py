@@ -1,0 +1,5 @@
+"""Action masks as training libraries want them, and actions that were not offered."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
