@@ -267,3 +267,22 @@ def test_a_road_without_a_gap_is_refused(shield: Shield) -> None:
     assert playback.direction is Direction.LEFT_TO_RIGHT
     with pytest.raises(UserError, match="no gap that the rules call safe"):
         Entries(playback, shield, (4.6, 1.9)).find(np.random.default_rng(0), frame=0)
+
+
+@pytest.mark.parametrize(("rules", "same"), [("highway.pl", False), ("paper.pl", True)])
+def test_a_state_of_before_has_accelerations_of_nought(rules: str, same: bool) -> None:
+    """A checkpoint of a version without bounded jerk is read; rules without a comfortable one go on as it."""
+    programs = Shield.from_files([rules])
+    traffic = recording([Drive(lane, 300.0, 12.0) for lane in (3, 4, 5)])
+    first, second, third = (started(world(programs, traffic)) for _ in range(3))
+    drive(first, [KEEP] * 160)
+    state = first.get_state()
+    old = {name: value for name, value in state.items() if name != "acceleration"}
+    assert (state["acceleration"] < 0).all()
+    second.set_state(old)
+    third.set_state({**old, "acceleration": np.zeros(1)})
+    speeds = [
+        [float(result.speed[0]) for result in drive(one, [KEEP] * 20)] for one in (first, second, third)
+    ]
+    assert speeds[1] == speeds[2]
+    assert (speeds[0] == speeds[1]) is same
