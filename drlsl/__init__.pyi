@@ -1,5 +1,4 @@
 from .driving import Action, Decision, Road, Scene, Shield, Vehicle, facts_of
-from .shield import LogicShield
 from .traffic import Direction, Lane
 from .version import __version__
 
@@ -8,7 +7,6 @@ __all__ = [
     "Decision",
     "Direction",
     "Lane",
-    "LogicShield",
     "Road",
     "Scene",
     "Shield",

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import recordings
-
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -24,7 +22,6 @@ PathArgument = Annotated[
         metavar="RECORDING",
         help="A bundled recording's name, a highD folder or an NGSIM table; #PART chooses one of several.",
         show_default=False,
-        autocompletion=recordings,
     ),
 ]
 LaneLimits = Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from drlsl.cli.options import Direction, given_settings, recordings
+from drlsl.cli.options import Direction, given_settings
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -51,7 +51,8 @@ Who = Annotated[
     str,
     typer.Argument(
         metavar="RUN|DRIVER",
-        help="Run folder that `drlsl train` made; or a driver: keep, always-change, mobil, FILE.py:NAME, "
+        help="Run folder that `drlsl train` made; or a driver: keep, always-change, mobil, oracle, "
+        "FILE.py:NAME, "
         "PACKAGE.MODULE:NAME, or a model that Stable-Baselines3 saved (.zip).",
     ),
 ]
@@ -76,8 +77,7 @@ def evaluate(
         typer.Option(help="Offer only safe actions, or all of them, or compare both."),
     ] = "both",
     recording: Annotated[
-        str | None,
-        typer.Option(help="Recording to drive in; default: that of the training.", autocompletion=recordings),
+        str | None, typer.Option(help="Recording to drive in; default: that of the training.")
     ] = None,
     direction: Annotated[
         Direction | None,

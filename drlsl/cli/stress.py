@@ -52,8 +52,8 @@ Who = Annotated[
     str | None,
     typer.Option(
         metavar="DRIVER",
-        help="Drive with this driver in place of the policies: keep, always-change, mobil, FILE.py:NAME, "
-        "MODULE:NAME, a run folder or a model of Stable-Baselines3 (.zip).",
+        help="Drive with this driver in place of the policies: keep, always-change, mobil, oracle, "
+        "FILE.py:NAME, MODULE:NAME, a run folder or a model of Stable-Baselines3 (.zip).",
     ),
 ]
 Parameters = Annotated[

@@ -77,7 +77,7 @@ class DrivenBy:
     def __call__(self, world: World, drawn: Floats) -> Actions:
         """Return the actions; an episode's first observation stands for those before it."""
         offered = world.decisions.action_mask
-        situations = Situations(self._observed(world), offered, world.seen)
+        situations = Situations(self._observed(world), offered, world.seen, world.branch)
         return most_wanted(self._driver.preferences(situations), offered).actions
 
     def _observed(self, world: World) -> npt.NDArray[np.float32]:

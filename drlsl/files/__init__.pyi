@@ -1,4 +1,3 @@
-from .caches import cache_folder
 from .lock import FolderLock
 from .plain_text import parse_json, printable, read_text, to_json
 from .problems import problem_text
@@ -21,7 +20,6 @@ __all__ = [
     "FolderLock",
     "Location",
     "YamlFile",
-    "cache_folder",
     "check_text",
     "digest",
     "find_object",

@@ -174,7 +174,7 @@ class EvaluationConfig(Section):
     beside: tuple[str, ...] = Field(
         default=(),
         description="Drivers that are shown beside the policy in it, behind the shield: keep, always-change, "
-        "mobil, FILE.py:NAME or PACKAGE.MODULE:NAME.",
+        "mobil, oracle, FILE.py:NAME or PACKAGE.MODULE:NAME.",
     )
 
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from drlsl.driving.drivers import Situations
 from drlsl.driving.scene import SceneBatch
+from drlsl.driving.simulation import World
 from drlsl.errors import UserError
 from drlsl.learning.checkpoint import as_arrays, as_tensors
 from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, EpisodeTally, episode_seed
-from drlsl.traffic import Mask
+from drlsl.traffic import Integers, Mask
 
 Observations = NDArray[np.float32]
 Actions = NDArray[np.int64]
@@ -67,6 +68,9 @@ class VectorHighway(Protocol):
 
     def scenes(self) -> SceneBatch:
         """Return the scenes that the rules see now."""
+
+    def branch(self, egos: Integers) -> World:
+        """Return a world in which the egos of some environments drive on (`World.branch`)."""
 
 
 class Outcome(NamedTuple):
@@ -165,7 +169,7 @@ class Fleet:
 
     def situations(self, offered: Mask) -> Situations:
         """Return what the agents see, of whose actions those are `offered`. Shape: (N, A)."""
-        return Situations(self.observations, offered, self._env.scenes())
+        return Situations(self.observations, offered, self._env.scenes(), self._env.branch)
 
     def rows(self) -> slice | NDArray[np.int64]:
         """Return the environments that are in an episode."""

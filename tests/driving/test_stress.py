@@ -134,10 +134,13 @@ def margin_of(scene: Scene, target: float) -> float:
     return found
 
 
-@pytest.mark.parametrize("name", DRIVERS)
-@pytest.mark.parametrize("period", [None, 1.0])
+# The oracle tries out what it chooses, which takes a second at every frame.
+@pytest.mark.parametrize(
+    ("name", "period"),
+    [(name, None) for name in DRIVERS if name != "oracle"] + [(name, 1.0) for name in DRIVERS],
+)
 def test_the_shield_holds_for_drivers(name: str, period: float | None) -> None:
-    driver = {name: make_driver(name)}
+    driver = {name: make_driver(name, {"horizon": 8.0} if name == "oracle" else None)}
     made = load_recording("overtake-test")
     counts = run_stress(made, Shield.default(tier="auto"), [], 8, driver, decision_period=period).total
     assert counts.episodes == 8

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from drlsl.driving.scene import EGO, Scene, SceneBatch, Vehicle
 from drlsl.driving.shield import PAPER_OBSERVATION
+from drlsl.driving.simulation import World
 from tests.scenes import road
 
 LANES = 3
@@ -134,6 +135,9 @@ class FakeVector(SyncVectorEnv):
     def scenes(self) -> SceneBatch:
         """A road without vehicles: the drivers of these tests do not look at it."""
         return SceneBatch.of([EMPTY] * self.num_envs)
+
+    def branch(self, egos: NDArray[np.int64]) -> World:
+        raise NotImplementedError("this road has no World")
 
     def _inner(self) -> list[Any]:
         return [env.unwrapped for env in self.envs]

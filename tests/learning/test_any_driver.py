@@ -128,7 +128,7 @@ def test_settings_of_a_driver_and_of_its_road(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("mobile", "mobile: expected a run folder, keep, always-change, mobil, FILE.py:NAME"),
+        ("mobile", "mobile: expected a run folder, keep, always-change, mobil, oracle, FILE.py:NAME"),
         ("no.py:right", "no file no.py"),
         ("no.zip", "no.zip: cannot read it: No such file"),
         ("mine.zip", "mine.zip: expected a model that Stable-Baselines3 saved"),

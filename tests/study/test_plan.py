@@ -208,7 +208,7 @@ def test_a_driver_is_tested_and_not_trained() -> None:
 @pytest.mark.parametrize(
     ("method", "message"),
     [
-        ({"driver": "mobile"}, "no driver 'mobile'; expected keep, always-change, mobil"),
+        ({"driver": "mobile"}, "no driver 'mobile'; expected keep, always-change, mobil, oracle"),
         ({"driver": "keep", "train": {"episodes": 3}}, "driver keep is not trained: train may hold env only"),
         ({"driver": "keep", "parameters": {"a": 1}}, "driver keep: a: Extra inputs are not permitted"),
         ({"parameters": {"a": 1}}, "parameters are those of a driver"),

@@ -1,6 +1,7 @@
 from .driver import Choice, Driver, Preferences, Situations, most_wanted, wanting
 from .mobil import Mobil
 from .named_driver import DRIVERS, KEEP, driver_of, is_driver, make_driver
+from .oracle import Oracle
 
 __all__ = [
     "DRIVERS",
@@ -8,6 +9,7 @@ __all__ = [
     "Choice",
     "Driver",
     "Mobil",
+    "Oracle",
     "Preferences",
     "Situations",
     "driver_of",

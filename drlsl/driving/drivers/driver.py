@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.scene import Action, SceneBatch
+from drlsl.driving.simulation import World
 from drlsl.traffic import Integers, Mask
 
 Preferences: TypeAlias = npt.NDArray[np.floating[Any]]
@@ -20,12 +22,15 @@ class Situations:
     """The situations in which N egos decide.
 
     `observations` (N, W · S) float32: the last W observations, the latest last; `offered` (N, 3) bool: the
-    actions that may be taken, at least one of each; `scenes`: those that the rules saw.
+    actions that may be taken, at least one of each; `scenes`: those that the rules saw. `branch` returns a
+    world in which some of the egos drive on (`World.branch`): it shows the future, so it is for a reference
+    like the oracle, and a driver of a user's own does not get it.
     """
 
     observations: npt.NDArray[np.float32]
     offered: Mask
     scenes: SceneBatch
+    branch: Callable[[Integers], World] | None = None
 
 
 class Driver(Protocol):

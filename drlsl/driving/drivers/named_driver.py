@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from drlsl.driving.config import Section
 from drlsl.driving.drivers.driver import Driver, Preferences, Situations, wanting
 from drlsl.driving.drivers.fixed_rule import AlwaysChange, Keep
 from drlsl.driving.drivers.mobil import Mobil
+from drlsl.driving.drivers.oracle import Oracle
 from drlsl.driving.scene import Action
 from drlsl.errors import UserError
 from drlsl.files import find_object, users_code
@@ -24,6 +26,7 @@ DRIVERS: Final[Mapping[str, type[Section]]] = {
     KEEP: Keep,
     "always-change": AlwaysChange,
     "mobil": Mobil,
+    "oracle": Oracle,
 }
 """The drivers that come with the package, by name."""
 
@@ -86,7 +89,7 @@ class UsersDriver:
             UserError: it raised an error, or returned neither actions nor preferences.
         """
         with users_code(f"{self._what} fails"):
-            answer = np.asarray(self._choose(situations))
+            answer = np.asarray(self._choose(replace(situations, branch=None)))
         count = len(situations.offered)
         if answer.shape == (count,) and np.issubdtype(answer.dtype, np.integer):
             if np.isin(answer, [*Action]).all():

@@ -156,6 +156,10 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         """Return the scenes that the rules see now."""
         return self.world.seen
 
+    def branch(self, egos: Integers) -> World:
+        """Return a world in which the egos of some environments drive on (`World.branch`)."""
+        return self.world.branch(egos)
+
     def get_state(self) -> dict[str, Any]:
         """Return the state of every environment between two steps, in arrays and plain types."""
         return {"world": self.world.get_state(), "over": self._over.copy()}

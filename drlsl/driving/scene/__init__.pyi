@@ -4,7 +4,7 @@ from .batch import EGO_ID, SceneBatch
 from .ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO_LIMITS
 from .facts import SCHEMA, Facts, Row, facts_of, road_facts, scene_facts
 from .model import EGO, Road, Scene, Vehicle, bumper_gap
-from .rows import copied, put_rows, with_rows
+from .rows import copied, put_rows, taken_rows, with_rows
 from .scene_file import load_scene, parse_scene, scene_json, write_scenes
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "scene_facts",
     "scene_json",
     "several_actions",
+    "taken_rows",
     "with_rows",
     "write_scenes",
 ]

@@ -35,6 +35,11 @@ def with_rows(rows: Rows, places: npt.NDArray[np.int64], other: Rows) -> Rows:
     return result
 
 
+def taken_rows(rows: Rows, places: npt.NDArray[np.int64]) -> Rows:
+    """Return the rows in `places`, as copies."""
+    return replace(rows, **{name: array[places] for name, array in _arrays(rows)})
+
+
 def _arrays(rows: DataclassInstance) -> Iterator[tuple[str, npt.NDArray[Any]]]:
     for field in fields(rows):
         value = getattr(rows, field.name)

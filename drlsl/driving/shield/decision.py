@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows
+from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows, taken_rows
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import COMFORT, LANE, SPEED, STATE
 
@@ -95,6 +95,13 @@ class Decisions:
         self.comfortable_acceleration[index] = decision.comfortable_acceleration
         if failure:
             self.failures[index] = failure
+
+    def taken(self, places: Integers) -> Decisions:
+        """Return the decisions in `places`, as copies."""
+        failures = {
+            row: self.failures[place] for row, place in enumerate(places.tolist()) if place in self.failures
+        }
+        return replace(taken_rows(self, places), failures=failures)
 
     def replaced(self, places: Integers, decisions: Decisions) -> Decisions:
         """Return a copy with `decisions` in `places`."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.driving.scene import CENTRE_TOLERANCE, Action
+from drlsl.driving.scene import CENTRE_TOLERANCE, Action, taken_rows
 from drlsl.driving.simulation.controllers import LaneController, SpeedController, move, move_forward
 from drlsl.driving.simulation.entry import Entry
 from drlsl.driving.simulation.fault import Track
@@ -69,6 +69,10 @@ class Past:
         row = self.rows[self.now]
         row[0], row[1], row[2] = at.x, at.y, at.speed
         self.kept += 1
+
+    def taken(self, egos: Integers) -> Past:
+        """Return the tracks of `egos`, as copies."""
+        return Past(self.rows[:, :, egos], self.kept[egos], self.now)
 
     def motion(self, dt: Floats) -> tuple[Floats, Floats]:
         """Return acceleration [m/s²] and jerk [m/s³] along the road, shape (N,); 0 where not yet known."""
@@ -167,6 +171,15 @@ class Egos:
         """Return whether any part of an ego is beyond the lanes of its direction, shape (N,)."""
         half = self.size[1] / 2
         return np.asarray((self.at.y - half < courses.low) | (self.at.y + half > courses.high))
+
+    def taken(self, egos: Integers) -> Egos:
+        """Return copies of `egos`, one for each time that an ego is named."""
+        result = Egos(len(egos), self.size, 0)
+        result.at = taken_rows(self.at, egos)
+        result.past = self.past.taken(egos)
+        result._speed_control = taken_rows(self._speed_control, egos)
+        result._lane_control = taken_rows(self._lane_control, egos)
+        return result
 
     def get_state(self) -> dict[str, Any]:
         """Return the places of the egos, and the memory of them and their controllers."""

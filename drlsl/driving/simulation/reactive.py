@@ -109,6 +109,20 @@ class ReactiveTraffic:
                 speed[-back] = driven[index]
         return replace(track, s=s, speed=speed)
 
+    def taken(self, egos: Integers) -> ReactiveTraffic:
+        """Return the vehicles around `egos`, as copies, one for each time that an ego is named."""
+        result = ReactiveTraffic(self._film, len(egos), self._past.maxlen or 0)
+        result.lag, result.speed = self.lag[egos], self.speed[egos]
+        slots = self.lag.shape[1]
+        for lagging, lag, speed in self._past:
+            begin, end = np.searchsorted(lagging, egos * slots), np.searchsorted(lagging, (egos + 1) * slots)
+            count = end - begin
+            ego = np.repeat(np.arange(len(egos)), count)
+            source = np.arange(count.sum()) + np.repeat(end - np.cumsum(count), count)
+            places = lagging[source] + (ego - egos[ego]) * slots
+            result._past.append((places, lag[source], speed[source]))
+        return result
+
     def get_state(self) -> dict[str, Any]:
         """Return the present and remembered lags."""
         past = [np.concatenate(columns) for columns in zip(*self._past, strict=True)]

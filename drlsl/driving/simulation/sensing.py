@@ -8,6 +8,7 @@ soon after the ego was placed, as old as its presence on the road. The ego knows
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy, deepcopy
 from dataclasses import replace
 from typing import Any, Final
 
@@ -64,6 +65,15 @@ class Sensing:
         self._drift(courses, fresh, places)
         self._remember(scenes, self._film.valid.take(rows, axis=0), places)
         return self.shown(scenes, courses, places)
+
+    def taken(self, egos: Integers) -> Sensing:
+        """Return the sensing of `egos`, as copies, one for each time that an ego is named."""
+        result = copy(self)
+        result._rngs = [deepcopy(self._rngs[ego]) for ego in egos.tolist()]
+        result._errors, result._lost = self._errors[:, egos], self._lost[egos]
+        result._ring = {name: array[:, egos] for name, array in self._ring.items()}
+        result._now, result._looks = self._now[egos], self._looks[egos]
+        return result
 
     def get_state(self) -> dict[str, Any]:
         """Return the faults and the remembered past."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy, deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene import EGO_ID, Action, Scene, SceneBatch, several_actions
+from drlsl.driving.scene import EGO_ID, Action, Scene, SceneBatch, several_actions, taken_rows
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation.contacts import Contact, Surroundings, worst_contacts
 from drlsl.driving.simulation.egos import Egos
@@ -261,6 +262,27 @@ class World:
         if self._meter is not None:
             motion = driven.motion()
             self._meter.add(driven.playing, scenes, offered, motion, sign=self._courses.sign, dt=driven.dt)
+
+    def branch(self, egos: Integers) -> World:
+        """Return a world in which ego i drives on from where the i-th of `egos` is; nothing changes here.
+
+        An ego may be named several times. What its recording, its traffic and its random draws will bring is
+        the same in both worlds, so equal actions lead to equal results. A branch takes no measures.
+        """
+        scenes, seen, decisions = self._scenes, self.seen, self.decisions
+        twin = copy(self)
+        twin.count, twin._everyone = len(egos), np.arange(len(egos))
+        twin._choices = [self._choices[ego] for ego in egos.tolist()]
+        twin.rngs = [deepcopy(self.rngs[ego]) for ego in egos.tolist()]
+        twin._egos = self._egos.taken(egos)
+        twin._courses = self.playbacks.courses.take(twin._egos.at.playback)
+        twin._reactive = None if self._reactive is None else self._reactive.taken(egos)
+        twin._sensing = None if self._sensing is None else self._sensing.taken(egos)
+        twin._meter = None
+        twin._seen = taken_rows(seen, egos)
+        twin._scenes = twin._seen if scenes is None or scenes is seen else taken_rows(scenes, egos)
+        twin._decisions = decisions.taken(egos)
+        return twin
 
     def get_state(self) -> dict[str, Any]:
         """Return the state of traffic, egos, controllers and generators, in arrays and plain types.

@@ -1,1 +1,0 @@
-"""The shield of any environment."""
