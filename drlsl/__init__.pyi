@@ -1,4 +1,5 @@
 from .driving import Action, Decision, Road, Scene, Shield, Vehicle, facts_of
+from .shield import LogicShield
 from .traffic import Direction, Lane
 from .version import __version__
 
@@ -7,6 +8,7 @@ __all__ = [
     "Decision",
     "Direction",
     "Lane",
+    "LogicShield",
     "Road",
     "Scene",
     "Shield",

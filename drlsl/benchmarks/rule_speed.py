@@ -28,10 +28,11 @@ from drlsl.driving.scene import (
     road_facts,
 )
 from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, default_rules, query_of
+from drlsl.files import cache_folder
 from drlsl.logic import Engine
 from drlsl.lowering.backends import BatchProgram, Rows, TextProgram, compile_numpy, compile_scalar
 from drlsl.lowering.frontend import Lowered, lower
-from drlsl.traffic import Direction, Lane, cache_folder
+from drlsl.traffic import Direction, Lane
 
 QUERIES: Final = tuple(query_of(one, ordered=True) for one in (ACTIONS, FREE, SPEED, STATE))
 VEHICLES: Final = (5, 20, 40)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from drlsl.cli import bench, data, evaluate, export, query, rules, stress, study, train
+from drlsl.cli import bench, config, data, evaluate, export, query, rules, runs, stress, study, train
 from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import PrologError
@@ -26,7 +26,6 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    add_completion=False,
 )
 
 
@@ -52,6 +51,8 @@ app.command("eval")(evaluate.evaluate)
 app.command()(export.export)
 app.command()(query.query)
 app.command()(stress.stress)
+app.add_typer(runs.app, name="runs")
+app.add_typer(config.app, name="config")
 app.add_typer(data.app, name="data")
 app.add_typer(rules.app, name="rules")
 app.add_typer(bench.app, name="bench")

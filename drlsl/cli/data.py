@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from drlsl.cli.options import recordings
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -22,6 +24,7 @@ PathArgument = Annotated[
         metavar="RECORDING",
         help="A bundled recording's name, a highD folder or an NGSIM table; #PART chooses one of several.",
         show_default=False,
+        autocompletion=recordings,
     ),
 ]
 LaneLimits = Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from drlsl.cli.options import Direction, given_settings
+from drlsl.cli.options import Direction, given_settings, recordings
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -77,7 +77,8 @@ def evaluate(
         typer.Option(help="Offer only safe actions, or all of them, or compare both."),
     ] = "both",
     recording: Annotated[
-        str | None, typer.Option(help="Recording to drive in; default: that of the training.")
+        str | None,
+        typer.Option(help="Recording to drive in; default: that of the training.", autocompletion=recordings),
     ] = None,
     direction: Annotated[
         Direction | None,

@@ -12,6 +12,21 @@ from drlsl.errors import UserError
 
 Direction: TypeAlias = Literal["both", "left_to_right", "right_to_left"]
 
+
+def recordings(incomplete: str) -> list[str]:
+    """Return what may follow in a shell where a recording is named."""
+    from drlsl.traffic import bundled_recordings
+
+    return [name for name in bundled_recordings() if name.startswith(incomplete)]
+
+
+def presets(incomplete: str) -> list[str]:
+    """Return what may follow in a shell where a preset of `drlsl train` is named."""
+    from drlsl.learning import preset_names
+
+    return [name for name in preset_names() if name.startswith(incomplete)]
+
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Rules = Annotated[
     list[Path] | None,

@@ -154,7 +154,8 @@ def _source(tier: Tier, lowered: Lowered) -> str:
 def shell(files: RuleFiles = None) -> None:
     """Answer queries of a rule program, explain them, and reload changed files."""
     from drlsl.cli.shell import run_shell
-    from drlsl.driving.shield import default_rules, rule_file
+    from drlsl.driving.shield import default_rules
+    from drlsl.shield import rule_file
 
     chosen = [rule_file(file) for file in files or default_rules()]
     raise typer.Exit(run_shell(chosen))
@@ -171,8 +172,9 @@ def _query(goal: str) -> Query:
 
 
 def _load(files: list[Path] | None) -> Engine:
-    from drlsl.driving.shield import consult_rules, default_rules
+    from drlsl.driving.shield import default_rules
     from drlsl.logic import Engine
+    from drlsl.shield import consult_rules
 
     engine = Engine()
     for path in files or default_rules():

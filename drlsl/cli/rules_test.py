@@ -60,8 +60,9 @@ def run_tables(
     from rich.console import Console
 
     from drlsl.assurance import load_table, measure, reasons_of, run_cases, score, tables_of
-    from drlsl.driving.shield import Shield, default_rules, rule_file
+    from drlsl.driving.shield import Shield, default_rules
     from drlsl.errors import UserError
+    from drlsl.shield import rule_file
 
     rules = [rule_file(file) for file in files or default_rules()]
     shield = Shield.from_files(rules)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import Direction, Rules, given_settings
+from drlsl.cli.options import Direction, Rules, given_settings, presets, recordings
 from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.errors import UserError
 
@@ -35,10 +35,16 @@ Config = Annotated[
     Path | None, typer.Option(help="YAML file with settings; settings not in it keep their defaults.")
 ]
 Preset = Annotated[
-    str | None, typer.Option(help="Settings that ship with DRLSL: quick (default), paper or tiny.")
+    str | None,
+    typer.Option(
+        help="Settings that ship with DRLSL: quick (default), paper or tiny.", autocompletion=presets
+    ),
 ]
 Recording = Annotated[
-    str | None, typer.Option(help="Bundled recording, highD folder or NGSIM file to drive in.")
+    str | None,
+    typer.Option(
+        help="Bundled recording, highD folder or NGSIM file to drive in.", autocompletion=recordings
+    ),
 ]
 Carriageway = Annotated[Direction | None, typer.Option(help="Carriageway to drive on.")]
 Method = Annotated[

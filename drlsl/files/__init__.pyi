@@ -1,3 +1,4 @@
+from .caches import cache_folder
 from .lock import FolderLock
 from .plain_text import parse_json, printable, read_text, to_json
 from .problems import problem_text
@@ -20,6 +21,7 @@ __all__ = [
     "FolderLock",
     "Location",
     "YamlFile",
+    "cache_folder",
     "check_text",
     "digest",
     "find_object",

@@ -5,6 +5,7 @@ from .config import (
     NetworkConfig,
     TrainConfig,
     dump_yaml,
+    load_config,
     make_config,
     merged,
     preset_names,
@@ -17,6 +18,7 @@ from .figures import FIGURES, moving_average
 from .fleet import VectorHighway, space_sizes
 from .network_factory import factory_file
 from .onnx_export import export_onnx
+from .overview import RunOverview, differing_settings, find_runs, overview_of
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
 from .totals import Totals, time_saved, times_of
@@ -32,6 +34,7 @@ __all__ = [
     "Kind",
     "NetworkConfig",
     "RunFolder",
+    "RunOverview",
     "Session",
     "ShieldState",
     "StepEvent",
@@ -40,11 +43,14 @@ __all__ = [
     "Trainer",
     "VectorHighway",
     "as_record",
+    "differing_settings",
     "drive",
     "dump_yaml",
     "export_onnx",
     "factory_file",
+    "find_runs",
     "greedy_choice",
+    "load_config",
     "load_driver",
     "load_policy",
     "load_state",
@@ -55,6 +61,7 @@ __all__ = [
     "merged",
     "moving_average",
     "next_free_folder",
+    "overview_of",
     "preset_names",
     "preset_values",
     "space_sizes",

@@ -329,6 +329,11 @@ class Engine:
         predicate = self.program.predicates.get((name, arity))
         return predicate is not None and predicate.defined
 
+    def is_dynamic(self, name: str, arity: int) -> bool:
+        """Return whether the program declares a predicate dynamic, or has been told its facts."""
+        predicate = self.program.predicates.get((name, arity))
+        return predicate is not None and predicate.dynamic
+
     def predicates(self) -> list[Indicator]:
         """Return name and arity of every predicate that the program defines, in the order of definition."""
         return [key for key, predicate in self.program.predicates.items() if predicate.defined]

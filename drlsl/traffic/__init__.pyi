@@ -1,5 +1,4 @@
 from .array_kinds import NUMBERS, Boxes, Floats, Integers, Mask
-from .cache import cache_folder
 from .generate import simulate
 from .highd_writer import check_folder, write_highd
 from .load import bundled_recordings, load_recording
@@ -29,7 +28,6 @@ __all__ = [
     "Traffic",
     "VehicleClass",
     "bundled_recordings",
-    "cache_folder",
     "check_folder",
     "find_preset",
     "find_source",

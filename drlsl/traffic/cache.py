@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import re
-import sys
 import warnings
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from drlsl.files import written_whole
+from drlsl.files import cache_folder, written_whole
 from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 from drlsl.traffic.sources import Source
@@ -33,18 +32,6 @@ PIECE = 1 << 24
 
 BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
 """Exceptions of reading a damaged cache file."""
-
-
-def cache_folder() -> Path:
-    """Return the folder of cached recordings: DRLSL_CACHE if set, else the platform's folder for caches."""
-    chosen = os.environ.get("DRLSL_CACHE")
-    if chosen:
-        return Path(chosen)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "drlsl" / "cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "drlsl"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drlsl"
 
 
 def read_cached(source: Source) -> Recording | None:

@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, TypeAlias
 
-from drlsl.driving.shield import consult_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.core import Clause, Indicator, variant
 from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Struct, names
+from drlsl.shield import consult_rules
 
 DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4))
 """The predicates that files of properties declare; each of several files may have clauses of them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -30,7 +31,7 @@ def test_the_version_loads_nothing_but_itself() -> None:
     assert done.stdout.split() == ["drlsl", "drlsl.moved", "drlsl.registration", "drlsl.version"]
 
 
-@pytest.mark.parametrize("group", [[], ["data"], ["rules"], ["bench"]], ids=" ".join)
+@pytest.mark.parametrize("group", [[], ["data"], ["runs"], ["config"], ["rules"], ["bench"]], ids=" ".join)
 def test_no_command_shows_the_help(group: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(group) == 2
     printed = capsys.readouterr()
@@ -38,3 +39,31 @@ def test_no_command_shows_the_help(group: list[str], capsys: pytest.CaptureFixtu
     lines = printed.err.splitlines()
     assert lines[0] == f"Usage: {' '.join(['drlsl', *group])} [OPTIONS] COMMAND [ARGS]..."
     assert "Commands:" in lines
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("drlsl tr", {"train"}),
+        ("drlsl runs ", {"list", "compare", "metrics"}),
+        ("drlsl train --method ", {"dqn", "mpsdqn", "dqnsl"}),
+        ("drlsl train --preset pa", {"paper", "paper-code"}),
+        ("drlsl data info high", {"highway-test", "highway-train"}),
+        ("drlsl config show q", {"quick"}),
+    ],
+)
+def test_a_shell_completes_a_line(line: str, expected: set[str]) -> None:
+    """As the script of `drlsl --show-completion` asks for it."""
+    asked = {
+        "_DRLSL_COMPLETE": "complete_bash",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(line.split(" ")) - 1),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", "from drlsl.cli import main; main()"],
+        env={**os.environ, **asked},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr, set(done.stdout.split())) == (0, "", expected)

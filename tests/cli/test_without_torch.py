@@ -45,6 +45,8 @@ def test_one_line_says_what_to_install(command: str, message: str, tmp_path: Pat
         "stress highway-test --episodes 1",
         "rules check",
         "train --print-config",
+        "config show tiny",
+        "config schema study",
     ],
 )
 def test_the_rest_works(command: str, tmp_path: Path) -> None:

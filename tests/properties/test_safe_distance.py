@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pytest
 
 from drlsl.driving.scene import SCHEMA
-from drlsl.driving.shield import consult_rules
 from drlsl.logic import Engine
 from drlsl.lowering.backends import Rows, compile_numpy, compile_scalar
 from drlsl.lowering.frontend import Lowered, Query, lower
 from drlsl.lowering.ir import Relation, Schema
+from drlsl.shield import consult_rules
 
 pytest.importorskip(
     "ad_physics", reason="needs ad-physics and ad-rss, which have wheels for Linux on x86-64 only"

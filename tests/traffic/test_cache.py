@@ -15,6 +15,7 @@ import pytest
 
 import drlsl.traffic.cache
 import drlsl.traffic.load
+from drlsl.files import cache_folder as folder_of_caches
 from drlsl.traffic import Recording, find_source, load_recording
 from drlsl.traffic.cache import read_cached
 from tests.traffic.writing import Row, write_highd, write_ngsim_csv
@@ -198,4 +199,4 @@ def test_the_folder_is_the_platforms(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     monkeypatch.delenv("DRLSL_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(sys, "platform", "linux")
-    assert drlsl.traffic.cache.cache_folder() == tmp_path / "drlsl"
+    assert folder_of_caches() == tmp_path / "drlsl"

@@ -1,9 +1,9 @@
 from .action_names import unknown_actions
 from .compiled import ASKED, check_state, query_of
 from .decision import NO_WISH, Decision, Decisions, RuleFailure
+from .highway_rules import default_rules
 from .observation import PAPER_OBSERVATION, ObservationSpace, declared_observation
 from .questions import ACTIONS, BOUNDS, COMFORT, ENTRY, FREE, LANE, NAMES, SPEED, STATE
-from .rule_files import consult_rules, default_rules, rule_file, rules_folder
 from .shield import LIMITS, Shield
 
 __all__ = [
@@ -26,11 +26,8 @@ __all__ = [
     "RuleFailure",
     "Shield",
     "check_state",
-    "consult_rules",
     "declared_observation",
     "default_rules",
     "query_of",
-    "rule_file",
-    "rules_folder",
     "unknown_actions",
 ]

@@ -14,10 +14,10 @@ from drlsl.driving.shield.decision import Decisions
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.tier import Tier, Undecidable
 from drlsl.errors import UserError
+from drlsl.files import cache_folder
 from drlsl.lowering.backends import BatchProgram, compile_numpy
 from drlsl.lowering.frontend import Lowered
 from drlsl.lowering.ir import NotLowerable
-from drlsl.traffic import cache_folder
 
 _LOG: Final = logging.getLogger(__name__)
 

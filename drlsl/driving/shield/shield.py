@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any, Final
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield.action_names import unknown_actions
 from drlsl.driving.shield.decision import Decision, Decisions
+from drlsl.driving.shield.highway_rules import default_rules
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.observation import ObservationSpace, declared_observation
 from drlsl.driving.shield.questions import QUESTIONS
-from drlsl.driving.shield.rule_files import consult_rules, default_rules
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits
+from drlsl.shield import consult_rules
 
 if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch

@@ -10,7 +10,7 @@ from .numbers import (
     is_checked_divisor,
 )
 from .refusals import Doubt, NotLowerable, Undecided
-from .schema import FLOAT32_BOUND, FLOAT_BOUND, INT_BOUND, Relation, Schema
+from .schema import FLOAT32_BOUND, FLOAT_BOUND, INT_BOUND, Kind, Relation, Schema
 from .trees import (
     FAIL,
     Bag,
@@ -60,6 +60,7 @@ __all__ = [
     "Fail",
     "Folder",
     "Guard",
+    "Kind",
     "Names",
     "NoValue",
     "Node",

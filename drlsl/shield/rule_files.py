@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from drlsl.errors import UserError
-from drlsl.logic import Engine, Limits
+from drlsl.logic import Engine, Limits, PrologError
 from drlsl.logic.loading import shipped_folder
+
+Rules: TypeAlias = str | Path | Sequence[str | Path]
+"""A rule file (a path, or a name such as highway.pl), several, or the text of a program."""
+
+_LOG: Final = logging.getLogger(__name__)
 
 LOADING: Final = Limits(inferences=20_000_000, seconds=60.0)
 """The limits of loading a rule file, its directives included."""
-
-
-def default_rules() -> tuple[Path, ...]:
-    """Return the files of the default program.
-
-    Raises:
-        UserError: the package has no rules.
-    """
-    return (rules_folder() / "highway.pl",)
 
 
 def rules_folder() -> Path:
     """Return the folder of the programs that ship.
 
     Raises:
-        UserError: neither place has them.
+        UserError: there is none.
     """
     folder = shipped_folder()
     if folder is None:
@@ -55,3 +53,25 @@ def rule_file(path: str | Path) -> Path:
         return Path(path)
     shipped = rules_folder() / path
     return shipped if shipped.is_file() else Path(path)
+
+
+def loaded(rules: Rules) -> Engine:
+    """Return an engine with the program of rule files, consulted in order, or of a text.
+
+    A string is a file if it ends in `.pl` and is one line. Findings in the program are logged as warnings.
+
+    Raises:
+        UserError: a file cannot be read, or is not a valid program.
+    """
+    engine = Engine()
+    try:
+        if isinstance(rules, str) and not (rules.endswith(".pl") and "\n" not in rules):
+            engine.consult_text(rules, "rules", limits=LOADING)
+        else:
+            for path in [rules] if isinstance(rules, str | Path) else rules:
+                consult_rules(engine, path)
+    except PrologError as error:
+        raise UserError(f"the rules cannot be loaded: {error}") from error
+    for warning in engine.warnings:
+        _LOG.warning("%s", warning)
+    return engine

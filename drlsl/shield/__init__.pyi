@@ -1,0 +1,22 @@
+from .action_rules import ActionRules
+from .fact_batch import ManyFacts
+from .fact_forms import Facts
+from .offers import Counts, Offer, Offers
+from .rule_answers import Interpreter, RuleFailure
+from .rule_files import consult_rules, rule_file, rules_folder
+from .wrapper import LogicShield
+
+__all__ = [
+    "ActionRules",
+    "Counts",
+    "Facts",
+    "Interpreter",
+    "LogicShield",
+    "ManyFacts",
+    "Offer",
+    "Offers",
+    "RuleFailure",
+    "consult_rules",
+    "rule_file",
+    "rules_folder",
+]

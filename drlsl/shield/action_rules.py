@@ -1,0 +1,349 @@
+"""A rule program that says which of some actions are offered, asked about facts on any tier."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from difflib import get_close_matches
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+
+from drlsl.errors import UserError
+from drlsl.logic import Limits
+from drlsl.logic.terms import Atom
+from drlsl.lowering.backends import compile_scalar
+from drlsl.lowering.frontend import Query, lower
+from drlsl.lowering.ir import Kind, NotLowerable, Schema, Undecided
+from drlsl.shield.asked import clauses_about_others, read_asked
+from drlsl.shield.fact_batch import ManyFacts, count_of, facts_of_one
+from drlsl.shield.fact_forms import FactForms, Facts
+from drlsl.shield.offer_tiers import ArrayTier, BySize, Found, InterpretedTier, OfferTier, ScalarTier, States
+from drlsl.shield.offers import Counts, Offer, Offers
+from drlsl.shield.rule_answers import Interpreter, RuleFailure
+from drlsl.shield.rule_files import Rules, loaded
+from drlsl.shield.tiers import ARRAY_TIERS, array_compiler, check_tier, choose_tier, fastest_for_many
+
+_LOG: Final = logging.getLogger(__name__)
+
+LIMITS: Final = Limits(inferences=2_000_000)
+"""The limits of one decision by the interpreter: rules that never end must not stop the fallback."""
+
+ASK: Final = "offered(Action)"
+REASONS: Final = "objection(Action, Reason)"
+
+_NOTHING: Final = "the rules offer no action"
+
+
+class ActionRules:
+    """The actions that a rule program offers; threads may share one, and take turns.
+
+    The program is asked for every solution of `ask`, each an action's name. Where it fails, raises an error,
+    goes beyond `limits` or offers nothing, the `fallback` alone is offered, and that is counted.
+    """
+
+    def __init__(
+        self,
+        rules: Rules,
+        actions: Sequence[str],
+        *,
+        fallback: str,
+        ask: str = ASK,
+        reasons: str = REASONS,
+        tier: str = "auto",
+        schema: Schema | None = None,
+        limits: Limits = LIMITS,
+    ) -> None:
+        """Load the program and check it.
+
+        Without a `schema` the facts are those of predicates that the program declares dynamic, and the first
+        facts tell the kinds of their columns.
+
+        Raises:
+            UserError: the program cannot be loaded, does not define what is asked, or names an action that is
+                not among `actions`; or the tier cannot run it, as far as is known without facts.
+        """
+        self.actions: Final = _checked_names(actions)
+        self._places = {name: place for place, name in enumerate(self.actions)}
+        if problem := self._problem_with(fallback):
+            raise UserError(f"fallback: {problem}")
+        self.fallback: Final = fallback
+        self.counts: Final = Counts()
+        self._engine = loaded(rules)
+        self._ask = read_asked(self._engine, ask, "ask", 1)
+        if not self._engine.defines(self._ask.name, 1):
+            raise UserError(f"the rules do not define {self._ask}, which says what is offered; see `ask`")
+        self._reasons = read_asked(self._engine, reasons, "reasons", 2)
+        if not self._engine.defines(self._reasons.name, 2) and reasons != REASONS:
+            raise UserError(
+                f"the rules do not define {self._reasons}, which says why an action is not offered"
+            )
+        for asked in (self._ask, self._reasons):
+            for place, problem in clauses_about_others(self._engine, asked, self._problem_with):
+                raise UserError(f"{place}: {problem}")
+        self._tier_name = check_tier(tier)
+        self._query = Query(self._ask.name, 1, "set")
+        self._why = Query(self._reasons.name, 2, "all")
+        self._limits = limits
+        self._forms = FactForms(self._engine, schema)
+        self._names: dict[int, str] = {}  # of integers in arrays
+        self._states = States(self._place, len(self.actions), self._forms, self._names)
+        self._reference = InterpretedTier(Interpreter(self._engine, [self._query], limits), self._states)
+        self._lock = threading.RLock()
+        self._forget_code()
+        self._check_possible_answers()
+        if tier != "auto":
+            self._tier(many=False)
+
+    # ------------------------------------------------------------------ copying
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the engine and what is known of the facts; a copy generates the code of its tiers anew."""
+        with self._lock:
+            state = vars(self).copy()
+        for name in ("_lock", "_for_one", "_for_many", "_say"):
+            del state[name]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._lock = threading.RLock()
+        self._forget_code()
+
+    def __copy__(self) -> ActionRules:
+        """Return a deep copy: two on one engine would overwrite each other's facts."""
+        return copy.deepcopy(self)
+
+    def _forget_code(self) -> None:
+        self._for_one: OfferTier | None = None
+        self._for_many: OfferTier | None = None
+        self._say: Callable[[Facts], tuple[Any, ...]] | None = None
+
+    # ------------------------------------------------------------------ deciding
+
+    def offer(self, facts: Facts) -> Offer:
+        """Return the actions offered in the state of `facts`.
+
+        Raises:
+            UserError: facts are not of the form that was declared, the tier cannot run the program, or the
+                rules offer an action that is not among `actions`.
+        """
+        with self._lock:
+            if self._forms.schema is None:
+                self._forms.learn(facts)
+            elif not isinstance(facts, Mapping) or facts.keys() != self._forms.keys:
+                self._forms.check_keys(facts)
+            self.counts.decisions += 1
+            try:
+                offered = self._decided(facts)
+            except RuleFailure as failure:
+                return self._failed(str(failure))
+            if not offered:
+                return self._failed(_NOTHING)
+            for name in offered:
+                self._place(name)
+            return Offer(tuple(offered))  # type: ignore[arg-type]  # `_place` refuses what is no name
+
+    def offers(self, facts: ManyFacts) -> Offers:
+        """Return the actions offered in each of N states.
+
+        Raises:
+            UserError: as `offer` does.
+        """
+        with self._lock:
+            self._learn_many(facts)
+            count = count_of(facts)
+            self.counts.decisions += count
+            tier = self._tier(many=True)
+            found = tier.many(facts, count)
+            mask, failures = found.mask, found.failures
+            if found.undecided:
+                self._interpret(found.undecided, facts, found)
+            nothing: list[int] = np.flatnonzero(~mask.any(axis=1)).tolist()
+            for index in nothing:
+                self.counts.fail(failures.setdefault(index, _NOTHING))
+                mask[index, self._places[self.fallback]] = True
+            return Offers(mask, failures)
+
+    def objections(self, facts: Facts, action: str) -> tuple[str, ...]:
+        """Return why an action is not offered in the state of `facts`; nothing if the rules do not say it.
+
+        Raises:
+            UserError: facts are not of the form that was declared.
+        """
+        if not self._engine.defines(self._reasons.name, 2):
+            return ()
+        with self._lock:
+            try:
+                solutions = self._said(facts)
+            except RuleFailure as failure:
+                return (str(failure),)
+            at = self._reasons.action
+            return tuple(self._engine.format(each[1 - at]) for each in solutions if each[at] == action)
+
+    def code(self, atom: str) -> int:
+        """Return the integer of a name, for columns of names in arrays.
+
+        Raises:
+            UserError: the facts have no `schema` that says which columns hold names.
+        """
+        with self._lock:
+            if self._forms.schema is None:
+                raise UserError(
+                    "names in arrays as integers need a `schema`; give the names as texts without"
+                )
+            code = self._tier(many=True).code(atom)
+            self._names[code] = atom
+            return code
+
+    @property
+    def tier(self) -> str:
+        """The tier for one state; "interpreter" until the kinds of all facts are known."""
+        with self._lock:
+            return self._tier(many=False).name
+
+    @property
+    def tier_for_many(self) -> str:
+        """The tier for many states; "interpreter" until the kinds of all facts are known."""
+        with self._lock:
+            return self._tier(many=True).name
+
+    # ------------------------------------------------------------------ how
+
+    def _decided(self, facts: Facts) -> Sequence[object]:
+        try:
+            return self._tier(many=False).one(facts)
+        except Undecided:
+            self.counts.interpreted += 1
+            return self._reference.one(facts)
+
+    def _interpret(self, states: Sequence[int], facts: ManyFacts, found: Found) -> None:
+        """Have the interpreter decide the states that a faster tier left to it."""
+        self.counts.interpreted += len(states)
+        schema = self._forms.schema
+        assert schema is not None
+        for index in states:
+            found.mask[index] = False
+            try:
+                offered = self._reference.one(facts_of_one(facts, index, schema, self._names))
+                found.mask[index, [self._place(each) for each in offered]] = True
+            except RuleFailure as failure:
+                found.failures[index] = str(failure)
+
+    def _learn_many(self, facts: ManyFacts) -> None:
+        if isinstance(facts, Mapping):
+            if self._forms.schema is None:
+                self._forms.learn_arrays(facts)
+            self._forms.check_keys(facts)
+            return
+        for each in facts:
+            if self._forms.schema is None:
+                self._forms.learn(each)
+            self._forms.check_keys(each)
+
+    def _said(self, facts: Facts) -> Sequence[tuple[Any, ...]]:
+        if self._forms.schema is not None:
+            if self._say is None:
+                self._say = self._sayer(self._forms.schema)
+            with suppress(Undecided):
+                (solutions,) = self._say(facts)
+                return solutions  # type: ignore[no-any-return]
+        return self._interpreted_reasons(facts)[0]  # type: ignore[no-any-return]
+
+    def _sayer(self, schema: Schema) -> Callable[[Facts], tuple[Any, ...]]:
+        """Return what gives the solutions of the question for reasons."""
+        if self._tier_name != "interpreter":
+            with suppress(NotLowerable):
+                return compile_scalar(lower(self._engine, schema, [self._why]))
+        return self._interpreted_reasons
+
+    def _interpreted_reasons(self, facts: Facts) -> tuple[Any, ...]:
+        interpreter = Interpreter(self._engine, [self._why], self._limits)
+        interpreter.state(self._forms.conformed(facts))
+        return interpreter.answers()
+
+    def _failed(self, reason: str) -> Offer:
+        self.counts.fail(reason)
+        return Offer((self.fallback,), reason)
+
+    # ------------------------------------------------------------------ names of actions
+
+    def _place(self, action: Any) -> int:
+        """Return the place of an action that the rules offer.
+
+        Raises:
+            UserError: it is not among `actions`.
+        """
+        place = self._places.get(action) if isinstance(action, str) else None
+        if place is None:
+            raise UserError(f"{self._ask}: {self._problem_with(self._engine.format(action))}")
+        return place
+
+    def _problem_with(self, name: str) -> str:
+        """Return the problem with an action's name; nothing if there is none."""
+        if name in self._places:
+            return ""
+        near = get_close_matches(name, self.actions, 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"the rules name the action {name}, which is not among {', '.join(self.actions)}{hint}"
+
+    def _check_possible_answers(self) -> None:
+        """Check the actions that the program can offer, as far as it can be lowered without facts."""
+        kinds: tuple[Kind, ...] = ("float", "atom") if self._forms.schema is None else ("float",)
+        for kind in kinds:
+            with suppress(NotLowerable):
+                (answer,) = lower(self._engine, self._forms.guess(kind), [self._query]).answers
+                for value, _ in answer.choices or ():
+                    self._place(value.name if isinstance(value, Atom) else value)
+
+    # ------------------------------------------------------------------ tiers
+
+    def _tier(self, *, many: bool) -> OfferTier:
+        if self._forms.schema is None:
+            return self._reference
+        tier = self._for_many if many else self._for_one
+        if tier is None:
+            arrays = many or self._tier_name in ARRAY_TIERS
+            fastest = self._fastest_for_many if arrays else partial(self._lowered, "scalar")
+            reference: OfferTier = self._reference
+            tier = choose_tier(self._tier_name, reference, self._lowered, fastest)
+            _LOG.info("the rules run on the %s tier", tier.name)
+            if many or arrays:
+                self._for_many = tier
+            if not many:
+                self._for_one = tier
+        return tier
+
+    def _fastest_for_many(self) -> OfferTier:
+        try:
+            return fastest_for_many(self._lowered, BySize)
+        except NotLowerable as problem:
+            tier = self._lowered("scalar")
+            _LOG.warning("the rules run on the scalar tier, one state at a time: %s", problem)
+            return tier
+
+    def _lowered(self, name: str) -> OfferTier:
+        if name == "scalar":
+            return ScalarTier(self._engine, self._query, self._states)
+        return ArrayTier(name, self._engine, self._query, self._states, self.actions, array_compiler(name))
+
+
+def _checked_names(actions: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of actions.
+
+    Raises:
+        UserError: there are none, one is no name, or two are the same.
+    """
+    names = tuple(actions)
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise UserError(f"actions: the name {name!r} is no text; give the names that the rules use")
+    if not names:
+        raise UserError("actions: there are none; give the names that the rules use")
+    if len(set(names)) < len(names):
+        raise UserError(f"actions: a name is given twice in {', '.join(names)}")
+    return names
