@@ -1,5 +1,5 @@
 from .driving import Action, Decision, Road, Scene, Shield, Vehicle, facts_of
-from .shield import LogicShield
+from .shield import LogicShield, LogicVectorShield
 from .traffic import Direction, Lane
 from .version import __version__
 
@@ -9,6 +9,7 @@ __all__ = [
     "Direction",
     "Lane",
     "LogicShield",
+    "LogicVectorShield",
     "Road",
     "Scene",
     "Shield",

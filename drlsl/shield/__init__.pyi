@@ -4,6 +4,7 @@ from .fact_forms import Facts
 from .offers import Counts, Offer, Offers
 from .rule_answers import Interpreter, RuleFailure
 from .rule_files import consult_rules, rule_file, rules_folder
+from .vector_wrapper import LogicVectorShield, of_each
 from .wrapper import LogicShield
 
 __all__ = [
@@ -12,11 +13,13 @@ __all__ = [
     "Facts",
     "Interpreter",
     "LogicShield",
+    "LogicVectorShield",
     "ManyFacts",
     "Offer",
     "Offers",
     "RuleFailure",
     "consult_rules",
+    "of_each",
     "rule_file",
     "rules_folder",
 ]

@@ -185,6 +185,15 @@ class ActionRules:
             at = self._reasons.action
             return tuple(self._engine.format(each[1 - at]) for each in solutions if each[at] == action)
 
+    def objections_in(self, facts: ManyFacts, index: int, action: str) -> tuple[str, ...]:
+        """Return why an action is not offered in one of many states; nothing if the rules do not say it.
+
+        Raises:
+            UserError: facts are not of the form that was declared.
+        """
+        schema = self._forms.schema or self._forms.guess("int")
+        return self.objections(facts_of_one(facts, index, schema, self._names), action)
+
     def code(self, atom: str) -> int:
         """Return the integer of a name, for columns of names in arrays.
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from drlsl.errors import UserError
 from drlsl.lowering.backends import BatchProgram, Rows
@@ -53,6 +55,32 @@ def facts_of_one(facts: ManyFacts, index: int, schema: Schema, names: Mapping[in
     if not isinstance(facts, Mapping):
         return facts[index]
     return {key: _rows_of_one(schema.relations[key], rows, index, names) for key, rows in facts.items()}
+
+
+def some_of(facts: ManyFacts, places: npt.NDArray[np.int64], count: int) -> ManyFacts:
+    """Return the facts of some of the states, of `count` in all.
+
+    Raises:
+        UserError: the facts are not of as many states.
+    """
+    given = len(facts) if not isinstance(facts, Mapping) else count_of(facts)
+    if given != count and not (isinstance(facts, Mapping) and given == 1):
+        raise UserError(f"facts of {given} states are given; expected those of {count} environments")
+    if len(places) == count:
+        return facts
+    if not isinstance(facts, Mapping):
+        return [facts[place] for place in places.tolist()]
+    return {key: _rows_of_some(rows, places) for key, rows in facts.items()}
+
+
+def _rows_of_some(rows: Rows, places: npt.NDArray[np.int64]) -> Rows:
+    if rows.index is not None:
+        return replace(rows, index=rows.index[places])
+
+    def chosen(array: Any) -> Any:
+        return array if array is None or len(array) == 1 else array[places]
+
+    return Rows([chosen(column) for column in rows.columns], chosen(rows.valid))
 
 
 def _coded(relation: Relation, rows: Rows, program: BatchProgram[Any]) -> Rows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from operator import index
 from typing import Any
@@ -95,3 +95,26 @@ class NamedActions:
 
     def _known(self) -> str:
         return ", ".join(f"{self.start + place} {label}" for place, label in enumerate(self.labels))
+
+
+def check_facts_function(facts: Any) -> Callable[[Any], Any]:
+    """Return a function of facts.
+
+    Raises:
+        UserError: it is none.
+    """
+    if not callable(facts):
+        raise UserError(f"facts is {facts!r:.80}; expected a function of the environment")
+    return facts  # type: ignore[no-any-return]
+
+
+def told_facts(facts: Callable[[Any], Any], env: Any) -> Any:
+    """Return the facts of the present state of an environment.
+
+    Raises:
+        UserError: the function raised an error.
+    """
+    try:
+        return facts(env)
+    except Exception as error:
+        raise UserError(f"facts raised {type(error).__name__}: {error}; it was given {env}") from error

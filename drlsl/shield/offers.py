@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
+
+NOT_OFFERED: Final = "the rules do not offer it"
+"""The reason for an action against which the rules say nothing."""
+
+MOST_REASONS: Final = 100
+"""The number of reasons that are counted each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +61,3 @@ class Counts:
         self.fail_safes += 1
         if reason in self.failures or len(self.failures) < MOST_REASONS:
             self.failures[reason] = self.failures.get(reason, 0) + 1
-
-
-MOST_REASONS = 100
-"""The number of reasons that are counted each."""

@@ -10,14 +10,13 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import RecordConstructorArgs
 
-from drlsl.errors import UserError
 from drlsl.logic import Limits
 from drlsl.lowering.ir import Schema
 from drlsl.masks import check_mode, settle
 from drlsl.shield.action_rules import ASK, LIMITS, REASONS, ActionRules
 from drlsl.shield.fact_forms import Facts
-from drlsl.shield.named_actions import NamedActions
-from drlsl.shield.offers import Counts, Offer
+from drlsl.shield.named_actions import NamedActions, check_facts_function, told_facts
+from drlsl.shield.offers import NOT_OFFERED, Counts, Offer
 from drlsl.shield.rule_files import Rules
 
 PENALTY: Final = 1.0
@@ -83,9 +82,7 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         super().__init__(env)
         self._actions = NamedActions.of(env.action_space, actions)
         self._mode = check_mode(mode)
-        if not callable(facts):
-            raise UserError(f"facts is {facts!r:.80}; expected a function of the environment")
-        self._facts_of = facts
+        self._facts_of = check_facts_function(facts)
         self._penalty = float(penalty)
         self.rules: Final = ActionRules(
             rules,
@@ -181,19 +178,3 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
             "fail_safe_reason": self._offer.failure,
         }
         return {**info, "action_mask": self.action_masks().astype(np.int8), "shield": shield}
-
-
-NOT_OFFERED: Final = "the rules do not offer it"
-"""The reason for an action against which the rules say nothing."""
-
-
-def told_facts(facts: Callable[[Any], Any], env: Any) -> Any:
-    """Return the facts of the present state of an environment.
-
-    Raises:
-        UserError: the function raised an error.
-    """
-    try:
-        return facts(env)
-    except Exception as error:
-        raise UserError(f"facts raised {type(error).__name__}: {error}; it was given {env}") from error

@@ -1,0 +1,198 @@
+"""A wrapper that shields many environments at once by rules."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+
+from drlsl.logic import Limits
+from drlsl.lowering.ir import Schema
+from drlsl.masks import check_mode, settle
+from drlsl.shield.action_rules import ASK, LIMITS, REASONS, ActionRules
+from drlsl.shield.fact_batch import ManyFacts, some_of
+from drlsl.shield.fact_forms import Facts
+from drlsl.shield.named_actions import NamedActions, check_facts_function, told_facts
+from drlsl.shield.offers import NOT_OFFERED, Counts
+from drlsl.shield.rule_files import Rules
+from drlsl.shield.wrapper import PENALTY
+
+
+def of_each(facts: Callable[[Any], Facts]) -> Callable[[Any], list[Facts]]:
+    """Return the function of a `SyncVectorEnv` that gives the facts of each of its environments."""
+    return lambda envs: [facts(env.unwrapped) for env in envs.envs]
+
+
+class LogicVectorShield(VectorWrapper[Any, Any, Any], RecordConstructorArgs):
+    """N environments with discrete actions, of which rules say which are offered, in one call for all.
+
+    `info` holds `action_mask` int8 (N, A) and `shield` as a `SyncVectorEnv` of `LogicShield` has them: arrays
+    (N,), each with a mask beside it. With SAME_STEP `shield` tells, of an environment whose episode ended,
+    the action that ended it and the offer of the next episode; `final_info` has no mask, since the state in
+    which an episode ended is not seen from outside: use `LogicShield` inside where that is needed.
+    """
+
+    def __init__(
+        self,
+        env: VectorEnv[Any, Any, Any],
+        rules: Rules,
+        *,
+        actions: Mapping[str, int],
+        facts: Callable[[Any], ManyFacts],
+        fallback: str,
+        ask: str = ASK,
+        reasons: str = REASONS,
+        mode: str = "mask",
+        tier: str = "auto",
+        schema: Schema | None = None,
+        limits: Limits = LIMITS,
+        penalty: float = PENALTY,
+    ) -> None:
+        """Wrap `env`; the parameters are those of `LogicShield`, but for `facts` and `tier`.
+
+        Args:
+            env: the vector environment.
+            rules, actions, fallback, ask, reasons, mode, schema, limits, penalty: see `LogicShield`.
+            facts: returns the facts of all N states, given the vector environment without its wrappers: a
+                mapping for each, or one whose values are `Rows` of arrays (`ManyFacts`); `of_each` makes
+                such a function of one for a single environment.
+            tier: auto (Numba where it is installed), interpreter, scalar, numpy, numba, torch.
+
+        Raises:
+            UserError: as `LogicShield` does.
+        """
+        RecordConstructorArgs.__init__(
+            self,
+            _disable_deepcopy=True,
+            **{name: value for name, value in locals().items() if name not in ("self", "env", "__class__")},
+        )
+        super().__init__(env)
+        self._actions = NamedActions.of(env.single_action_space, actions)
+        self._mode = check_mode(mode)
+        self._facts_of = check_facts_function(facts)
+        self._penalty = float(penalty)
+        self.rules: Final = ActionRules(
+            rules,
+            self._actions.names,
+            fallback=fallback,
+            ask=ask,
+            reasons=reasons,
+            tier=tier,
+            schema=schema,
+            limits=limits,
+        )
+        """The rules, which can be asked about any facts."""
+        self._fallback = self._actions.places[self._actions.names.index(fallback)]
+        self._autoreset = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+        self._facts: ManyFacts = []
+        self._asked: npt.NDArray[np.int64] = np.arange(0)  # the environments that `_facts` are of
+        self._terminated = np.zeros(env.num_envs, dtype=np.bool_)
+        self._over = np.zeros(env.num_envs, dtype=np.bool_)
+        self._mask: npt.NDArray[np.bool_] | None = None
+        self._failures: Mapping[int, str] = {}
+
+    @property
+    def counts(self) -> Counts:
+        """The counts of decisions, of those for which the rules failed, and of actions not offered."""
+        return self.rules.counts
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin episodes, and ask the rules about their first states.
+
+        Raises:
+            UserError: `facts` raised an error, or the facts are not as declared.
+        """
+        chosen = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
+        observations, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # int alone
+        self._terminated = self._terminated & ~chosen
+        self._over = self._over & ~chosen
+        self._ask()
+        nobody = [""] * self.num_envs
+        return observations, self._told(infos, asked=nobody, taken=nobody, reasons=nobody)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Take an action in each environment, by the mode if it was not offered.
+
+        Raises:
+            ActionNotOffered: one was not, in the mode `raise`; nothing is done.
+            TypeError, ValueError: they are not actions of the environments; nothing is done.
+            UserError: `facts` raised an error, or the facts are not as declared.
+        """
+        labels, asked = self._actions.labels, self._actions.all_places(actions, self.num_envs)
+        begin = self._over if self._autoreset is AutoresetMode.NEXT_STEP else np.zeros_like(self._over)
+        settled = settle(
+            asked, self.action_masks(), self._mode, fallback=self._fallback, names=labels, free=begin
+        )
+        refused: list[int] = np.flatnonzero(~settled.offered).tolist()
+        reasons = [""] * self.num_envs
+        for place in refused:
+            reasons[place] = self._reason(place, labels[asked[place]])
+        self.counts.not_offered += len(refused)
+        self.counts.replaced += int((settled.taken != asked).sum())
+        given = actions if not refused else settled.taken + self._actions.start
+        observations, rewards, terminated, truncated, infos = self.env.step(given)
+        if self._mode == "penalise" and refused:
+            rewards = np.where(settled.offered, rewards, rewards - self._penalty)
+        self._over = np.asarray(terminated | truncated)
+        is_left = self._autoreset is not AutoresetMode.SAME_STEP  # in the state in which it ended
+        self._terminated = np.asarray(terminated) & is_left
+        self._ask()
+        names = ["" if new else labels[place] for new, place in zip(begin, asked, strict=True)]
+        taken = ["" if new else labels[place] for new, place in zip(begin, settled.taken, strict=True)]
+        told = self._told(infos, asked=names, taken=taken, reasons=reasons)
+        return observations, rewards, terminated, truncated, told
+
+    def action_masks(self) -> npt.NDArray[np.bool_]:
+        """Return the masks of the actions that are offered now, shape (N, A)."""
+        if self._mask is None:
+            raise RuntimeError("reset the environments before asking for their action masks")
+        return self._mask.copy()
+
+    def _ask(self) -> None:
+        """Ask the rules about each state but those in which an episode has terminated."""
+        self._asked = np.flatnonzero(~self._terminated)
+        self._mask = np.zeros((self.num_envs, len(self._actions.labels)), dtype=np.bool_)
+        self._mask[self._terminated, self._fallback] = True
+        self._failures = {}
+        if len(self._asked):
+            facts = told_facts(self._facts_of, self.env.unwrapped)
+            self._facts = some_of(facts, self._asked, self.num_envs)
+            offers = self.rules.offers(self._facts)
+            self._mask[self._asked[:, None], list(self._actions.places)] = offers.mask
+            self._failures = {int(self._asked[place]): why for place, why in offers.failures.items()}
+
+    def _reason(self, index: int, action: str) -> str:
+        """Return why an action is not offered in one of the environments."""
+        if index in self._failures or self._terminated[index]:
+            return self._failures.get(index, NOT_OFFERED)
+        place = int(np.searchsorted(self._asked, index))
+        return "; ".join(self.rules.objections_in(self._facts, place, action)) or NOT_OFFERED
+
+    def _told(
+        self, infos: dict[str, Any], *, asked: list[str], taken: list[str], reasons: list[str]
+    ) -> dict[str, Any]:
+        masks, labels = self.action_masks(), self._actions.labels
+        failures = [self._failures.get(place, "") for place in range(self.num_envs)]
+        offered = np.empty(self.num_envs, dtype=object)
+        offered[:] = [
+            tuple(label for label, there in zip(labels, row, strict=True) if there) for row in masks
+        ]
+        told = {
+            "offered": offered,
+            "asked": np.array(asked, dtype=object),
+            "taken": np.array(taken, dtype=object),
+            "replaced": np.array([one != other for one, other in zip(asked, taken, strict=True)]),
+            "reason": np.array(reasons, dtype=object),
+            "fail_safe": np.array([bool(why) for why in failures]),
+            "fail_safe_reason": np.array(failures, dtype=object),
+        }
+        there = np.ones(self.num_envs, dtype=np.bool_)
+        shield = told | {f"_{key}": there.copy() for key in told}
+        added = {"action_mask": masks.astype(np.int8), "_action_mask": there.copy()}
+        return {**infos, **added, "shield": shield, "_shield": there.copy()}
