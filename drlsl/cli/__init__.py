@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from drlsl.cli import bench, config, data, evaluate, export, query, rules, runs, stress, study, train
+from drlsl.cli import bench, config, data, evaluate, export, query, render, rules, runs, stress, study, train
 from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import PrologError
@@ -51,6 +51,7 @@ app.command("eval")(evaluate.evaluate)
 app.command()(export.export)
 app.command()(query.query)
 app.command()(stress.stress)
+app.command()(render.render)
 app.add_typer(runs.app, name="runs")
 app.add_typer(config.app, name="config")
 app.add_typer(data.app, name="data")

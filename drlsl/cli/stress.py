@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import typer
 
+from drlsl.cli.drivers import loaded_driver, trained_env
 from drlsl.cli.options import AsJson, Direction, Rules, check_new, given_settings
 
 if TYPE_CHECKING:
     from drlsl.driving import Counts, EnvConfig, StressReport
-    from drlsl.driving.drivers import Driver
-    from drlsl.driving.shield import Shield
 
 Offers: TypeAlias = Literal["rules", "prediction", "all"]
 
@@ -105,7 +103,7 @@ def stress(
 
     check_new(out)
     arguments = _parameters(driver, settings, policy)
-    trained = _trained(driver)
+    trained = trained_env(driver)
     config = _config(
         recording=tuple(recording or bundled_recordings()),
         direction=direction,
@@ -182,29 +180,6 @@ def _parameters(driver: str | None, settings: list[str] | None, policy: str) -> 
     return arguments
 
 
-def _trained(driver: str | None) -> EnvConfig | None:
-    """Return the environment that a run was trained in, if the driver is one."""
-    from drlsl.driving.drivers import is_driver
-
-    if driver is None or is_driver(driver) or driver.endswith(".zip"):
-        return None
-    from drlsl.learning import RunFolder
-
-    return RunFolder.open(Path(driver)).config.env
-
-
-def _loaded(driver: str, arguments: dict[str, Any], shield: Shield) -> Driver:
-    """Return the driver; PyTorch is loaded only for one that may need it."""
-    from drlsl.driving.drivers import DRIVERS, is_driver, make_driver
-
-    if driver in DRIVERS or (is_driver(driver) and find_spec("torch") is None):
-        return make_driver(driver, arguments)
-    from drlsl.driving.envs import spaces_of
-    from drlsl.learning import load_driver
-
-    return load_driver(driver, spaces_of(shield), arguments)
-
-
 def _run(
     config: EnvConfig,
     policies: list[str],
@@ -224,7 +199,7 @@ def _run(
     from drlsl.traffic import load_recording
 
     shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
-    drivers = {} if driver is None else {driver: _loaded(driver, arguments, shield)}
+    drivers = {} if driver is None else {driver: loaded_driver(driver, arguments, shield)}
     recordings = [load_recording(name) for name in config.recordings]
     report = StressReport()
     console = Console(stderr=True)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.drivers import Driver, Situations, most_wanted
+from drlsl.driving.drivers import DrivenBy, Driver
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import (
@@ -65,31 +65,6 @@ POLICIES: Final[dict[str, Policy]] = {
     "always-change": always_change,
     "adversarial": adversarial,
 }
-
-
-class DrivenBy:
-    """A driver as a policy: of what is offered the action that it wants most."""
-
-    def __init__(self, driver: Driver) -> None:
-        self._driver = driver
-        self._seen: npt.NDArray[np.float32] | None = None
-
-    def __call__(self, world: World, drawn: Floats) -> Actions:
-        """Return the actions; an episode's first observation stands for those before it."""
-        offered = world.decisions.action_mask
-        situations = Situations(self._observed(world), offered, world.seen, world.branch)
-        return most_wanted(self._driver.preferences(situations), offered).actions
-
-    def _observed(self, world: World) -> npt.NDArray[np.float32]:
-        now = world.decisions.observation.astype(np.float32)
-        if self._driver.window == 1:
-            return now
-        first = np.tile(now, self._driver.window)
-        if self._seen is None:
-            self._seen = first
-        later = np.concatenate([self._seen[:, now.shape[1] :], now], axis=1)
-        self._seen = np.where((world.distance == 0.0)[:, None], first, later)
-        return self._seen
 
 
 def margins(scenes: SceneBatch, targets: Floats) -> Floats:
@@ -216,6 +191,12 @@ class StressReport:
         del self.worst[WORST:]
 
 
+def _policy_of(driver: Driver) -> Policy:
+    """Return a driver as a policy, which draws nothing."""
+    driven = DrivenBy(driver)
+    return lambda world, _: driven.actions(world)
+
+
 class _Draws:
     """The random numbers of the policies; each episode has a generator of its own."""
 
@@ -337,5 +318,5 @@ def stress(
     playbacks = in_direction(playbacks_of(recordings, config.radar_range, config.lane_limits), config)
     world = World(config, [playbacks] * min(egos, episodes), shield)
     taking_turns: dict[str, Policy] = {name: POLICIES[name] for name in policies}
-    taking_turns |= {name: DrivenBy(driver) for name, driver in (drivers or {}).items()}
+    taking_turns |= {name: _policy_of(driver) for name, driver in (drivers or {}).items()}
     yield from _Stress(world, taking_turns, episodes, seed).run()

@@ -13,6 +13,7 @@ from .config import (
     with_value,
 )
 from .dqn import greedy_choice
+from .episode import evaluation_seed
 from .evaluation import EVALUATION_KEY, ShieldState, as_record, drive, make_evaluation_env
 from .figures import FIGURES, moving_average
 from .fleet import VectorHighway, space_sizes
@@ -46,6 +47,7 @@ __all__ = [
     "differing_settings",
     "drive",
     "dump_yaml",
+    "evaluation_seed",
     "export_onnx",
     "factory_file",
     "find_runs",

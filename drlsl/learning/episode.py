@@ -44,6 +44,11 @@ def episode_seed(seed: int, stream: int, index: int) -> int:
     return int(sequence.generate_state(1)[0])
 
 
+def evaluation_seed(seed: int, index: int) -> int:
+    """Return the seed of the reset that begins an episode of an evaluation, numbered from 0."""
+    return episode_seed(seed, EVALUATION_STREAM, index)
+
+
 @dataclass(frozen=True, slots=True)
 class EpisodeSummary:
     """Totals of one episode; reward terms are weighted and sum to the return."""

@@ -11,10 +11,10 @@ from drlsl.learning import FIGURES
 from drlsl.study import result_tables as tables
 from drlsl.study import statistics
 from drlsl.study.claims import agreement, claims
+from drlsl.study.document import Block, Heading, Listing, Paragraph, Picture, markdown, page
 from drlsl.study.figures import outcome_figure, sweep_figure, training_figures
 from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import StudyConfig, dump_study, make_study
-from drlsl.study.render import Block, Heading, Listing, Paragraph, Picture, markdown, page
 from drlsl.study.result_tables import Table
 from drlsl.study.results import Results, collect
 

@@ -14,8 +14,8 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from drlsl.driving.explain import Objection, draw_decision, draw_scene, objections, speed_reason
-from drlsl.driving.explain.decision_picture import GO_COLOUR, LEADER_COLOUR, MOST_ROWS, dimension
+from drlsl.driving.explain import Objection, dimension, draw_decision, draw_scene, objections, speed_reason
+from drlsl.driving.explain.decision_picture import GO_COLOUR, LEADER_COLOUR, MOST_ROWS
 from drlsl.driving.explain.drawing import EGO_COLOUR, FOCUS_COLOUR, OTHER_COLOUR
 from drlsl.driving.scene import Action, Scene, Vehicle, bumper_gap, load_scene
 from drlsl.driving.shield import Shield, default_rules

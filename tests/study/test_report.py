@@ -10,9 +10,9 @@ import pytest
 from drlsl.learning import RunFolder
 from drlsl.study import StudyFolder, write_report
 from drlsl.study.claims import Claim, agreement, claims
+from drlsl.study.document import Block, Paragraph, markdown, page
 from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
-from drlsl.study.render import Block, Paragraph, markdown, page
 from drlsl.study.result_tables import (
     Table,
     contacts,

@@ -1,3 +1,4 @@
+from .driven_by import DrivenBy
 from .driver import Choice, Driver, Preferences, Situations, most_wanted, wanting
 from .mobil import Mobil
 from .named_driver import DRIVERS, KEEP, driver_of, is_driver, make_driver
@@ -7,6 +8,7 @@ __all__ = [
     "DRIVERS",
     "KEEP",
     "Choice",
+    "DrivenBy",
     "Driver",
     "Mobil",
     "Oracle",

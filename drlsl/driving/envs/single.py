@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.rendering import RENDER_MODES, Renderer
 from drlsl.driving.scene import Action, Scene, one_action
 from drlsl.driving.shield import Decisions, ObservationSpace, Shield
 from drlsl.driving.simulation import (
@@ -33,7 +34,7 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
     truncated at the end of the track. The mask is offered, not enforced.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012  (Gymnasium declares it so)
 
     def __init__(
         self,
@@ -41,15 +42,17 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         *,
         shield: Shield | None = None,
         discount: float = 1.0,
+        render_mode: str | None = None,
         **settings: Any,
     ) -> None:
         """Make the environment of `config`, or of `settings`, fields of `EnvConfig`.
 
         `discount` is that of a decision, for the rewards of its frames
-        (`drlsl.driving.simulation.drive_decision`).
+        (`drlsl.driving.simulation.drive_decision`). `render_mode`: `human` shows every frame in a window,
+        `rgb_array` makes `render` return the last one of a decision.
 
         Raises:
-            UserError: the recording or the rules cannot be used.
+            UserError: the recording, the rules or the render mode cannot be used.
         """
         self.config = config if config is not None else EnvConfig(**settings)
         self.shield = shield or Shield.from_files(
@@ -62,6 +65,9 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         self.observation_space = observation_box(self.shield.observation)
         self.action_space = gymnasium.spaces.Discrete(len(Action))
         self._decisions: Decisions | None = None
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": render_rate(self.world, self._frames)}
+        self._renderer = None if render_mode is None else Renderer(render_mode, self.world)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -69,6 +75,8 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         """Begin an episode; with a seed, the episode is a function of the seed."""
         super().reset(seed=seed, options=options)
         self.world.reset([0], [self.np_random])
+        if self._renderer is not None:
+            self._renderer.watch(None)
         return self._observe(self.world.decisions), self._info(self.world.decisions, None)
 
     def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -78,7 +86,11 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             TypeError, ValueError: the action is not an `Action`; nothing is driven.
         """
         result = drive_decision(
-            self.world, [one_action(action)], frames=self._frames, discount=self._discount
+            self.world,
+            [one_action(action)],
+            frames=self._frames,
+            discount=self._discount,
+            watch=None if self._renderer is None else self._renderer.watch,
         )
         return (
             self._observe(result.decisions),
@@ -87,6 +99,21 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             bool(result.truncated[0]),
             self._info(result.decisions, result),
         )
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Return the picture of the present, uint8 (400, 1200, 3), in the mode `rgb_array`; else None.
+
+        Raises:
+            RuntimeError: the environment was not reset.
+        """
+        if self._renderer is None or self._renderer.live:
+            return None
+        return self._renderer.picture()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
 
     def action_masks(self) -> npt.NDArray[np.bool_]:
         """Return the mask of the actions that the rules offer now, shape (3,)."""
@@ -128,6 +155,11 @@ class Spaces(NamedTuple):
     single_observation_space: gymnasium.Space[Observation]
     single_action_space: gymnasium.Space[np.int64]
     observation_names: tuple[str, ...]
+
+
+def render_rate(world: World, frames: int) -> float:
+    """Return how many decisions of so many `frames` there are in a second."""
+    return 1 / (world.playbacks.all[0].road.time_step * frames)
 
 
 def spaces_of(shield: Shield) -> Spaces:

@@ -13,7 +13,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.single import observation_box
+from drlsl.driving.envs.single import observation_box, render_rate
+from drlsl.driving.rendering import RGB_ARRAY, Renderer
 from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation import (
@@ -42,7 +43,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
     and DISABLED with `options={"reset_mask": mask}` of `reset`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium declares it so)
+    metadata: dict[str, Any] = {"render_modes": [RGB_ARRAY]}  # noqa: RUF012  (Gymnasium declares it so)
 
     def __init__(
         self,
@@ -54,6 +55,7 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         playbacks: Sequence[Playback] | None = None,
         discount: float = 1.0,
         measured: bool = False,
+        render_mode: str | None = None,
         **settings: Any,
     ) -> None:
         """Make `num_envs` environments of one `config`, or of `settings`, or one for each of several configs.
@@ -61,10 +63,11 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         Several configurations may differ in recording and direction. `playbacks`, if given, replace the
         recordings. `discount` is that of a decision, for the rewards of its frames
         (`drlsl.driving.simulation.drive_decision`). `measured`: info holds `measures`, those of the episodes
-        up to now (`drlsl.driving.simulation.Measures`).
+        up to now (`drlsl.driving.simulation.Measures`). `render_mode` is `rgb_array`, or None.
 
         Raises:
-            UserError: a recording or the rules cannot be used, or the configurations do not fit together.
+            UserError: a recording, the rules or the render mode cannot be used, or the configurations do not
+                fit together.
         """
         configs = _configs(config if config is not None else EnvConfig(**settings), num_envs)
         self.config = configs[0]
@@ -92,6 +95,9 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self._over = np.ones(self.num_envs, dtype=np.bool_)
         self._all = _constant(self.num_envs, True)
         self._nothing = _constant(self.num_envs, False)
+        self.render_mode = render_mode
+        self.metadata |= {"render_fps": render_rate(self.world, self._frames)}
+        self._renderer = None if render_mode is None else Renderer(render_mode, self.world, (RGB_ARRAY,))
         self._no_reason = _constant(self.num_envs, "")
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -135,6 +141,8 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         restarts = {index: self._rngs[index] for index in again}
         result = drive_decision(self.world, actions, restarts, frames=self._frames, discount=self._discount)
         self._decisions = result.decisions
+        if self._renderer is not None:
+            self._renderer.watch(result)
         over = result.terminated | result.truncated
         info = self._info(result, self._all, began=again)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
@@ -142,6 +150,12 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         else:
             self._over = over
         return self._observations(), result.reward, result.terminated, result.truncated, info
+
+    def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:
+        """Return a picture of every environment, uint8 (400, 1200, 3), in the mode `rgb_array`; else None."""
+        if self._renderer is None:
+            return None
+        return tuple(map(self._renderer.picture, range(self.num_envs)))
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -1,13 +1,16 @@
 from .decision_picture import draw_decision
+from .dimension_line import Dimension, dimension
 from .drawing import check_picture_path, draw_scene, save_picture
 from .reasons import SECTIONS, BusySection, Objection, busy_sections, objections, objections_to, speed_reason
 
 __all__ = [
     "SECTIONS",
     "BusySection",
+    "Dimension",
     "Objection",
     "busy_sections",
     "check_picture_path",
+    "dimension",
     "draw_decision",
     "draw_scene",
     "objections",

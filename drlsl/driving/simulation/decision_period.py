@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -51,6 +51,7 @@ def drive_decision(
     *,
     frames: int,
     discount: float = 1.0,
+    watch: Callable[[StepResult], None] | None = None,
 ) -> StepResult:
     """Drive `frames` frames with `actions` of shape (N,) and return them as one step.
 
@@ -58,13 +59,13 @@ def drive_decision(
     lane change is given up and the ego brakes as they say. The rewards of all frames are added up, each
     weighted by `discount` to the power of the share of the decision that has passed. An episode that ends
     has the decisions, the speed and the distance of its last frame. Egos in `restarts` begin a new episode in
-    the last frame.
+    the last frame. `watch` is called with each frame's result.
 
     Raises:
         TypeError, ValueError: `actions` are not N valid actions; nothing is driven.
         UserError: the rules keep a lane that the road does not have.
     """
-    if frames == 1:
+    if frames == 1 and watch is None:
         return world.step(actions, restarts)
     actions = several_actions(actions, world.count)
     keep = np.full(world.count, int(Action.LANE_KEEPING))
@@ -72,6 +73,8 @@ def drive_decision(
     for frame in range(frames):
         last = frame == frames - 1
         result = world.step(actions if frame == 0 else keep, restarts if last else None)
+        if watch is not None:
+            watch(result)
         held = result if held is None else _added(held, result, discount ** (frame / frames))
         if (held.terminated | held.truncated).all():
             break

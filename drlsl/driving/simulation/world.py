@@ -146,6 +146,10 @@ class World:
         """Return the scene of one ego in the last query of the rules."""
         return self.seen.scene(ego)
 
+    def traffic_around(self, ego: int) -> Scene:
+        """Return the scene of one ego as it is, with all traffic on the road, in radar range or not."""
+        return self._look(np.array([ego]), reach=np.inf).scenes.scene(0)
+
     def targets(self) -> Floats:
         """Return the y [m] that each action would steer each ego for, shape (N, 3).
 
@@ -341,8 +345,11 @@ class World:
         if self._meter is not None:
             self._meter.forget(ego)
 
-    def _look(self, places: Integers | None = None) -> Surroundings:
-        """Return the scenes around the egos in `places`, or around all of them."""
+    def _look(self, places: Integers | None = None, *, reach: float | None = None) -> Surroundings:
+        """Return the scenes around the egos in `places`, or around all of them.
+
+        They hold the vehicles within `reach` [m], by default the radar range.
+        """
         at, courses = self._egos.at, self._courses
 
         def chosen(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -362,7 +369,7 @@ class World:
         for column, value in zip(numbers, own, strict=True):
             column[:, 0] = value
         dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
-        valid = dx * dx + dy * dy <= self.config.radar_range**2
+        valid = dx * dx + dy * dy <= (self.config.radar_range if reach is None else reach) ** 2
         valid &= recorded
         valid[:, 0] = True
         scenes = SceneBatch.from_numbers(

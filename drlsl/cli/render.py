@@ -1,0 +1,184 @@
+"""`drlsl render`: a scene as a picture, a drive as a film."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+import typer
+
+from drlsl.cli.drivers import loaded_driver
+from drlsl.cli.failures import failures_as_errors
+from drlsl.cli.options import Rules, given_settings
+from drlsl.errors import UserError
+
+if TYPE_CHECKING:
+    from drlsl.driving import EnvConfig
+    from drlsl.driving.rendering import Film, Moment, RoadView
+
+GIF_RATE: Final = 12.5
+"""Pictures a second of a .gif, at most: it is large."""
+
+LAST: Final = 1.0
+"""Time for which the last moment of an episode stands still [s]."""
+
+
+def render(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="RUN|RECORDING|SCENE",
+            help="Run folder that `drlsl train` made; or a bundled recording's name, a highD folder or an "
+            "NGSIM file; or a scene file (.json), as for drlsl query.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Write to this file: .png, .gif or .mp4.")],
+    driver: Annotated[
+        str, typer.Option(help="Who drives in a recording: any driver of drlsl eval.")
+    ] = "mobil",
+    shield: Annotated[
+        Literal["on", "off"], typer.Option(help="Offer only safe actions, or all of them.")
+    ] = "on",
+    episode: Annotated[
+        int, typer.Option(min=1, help="Which of the episodes that drlsl eval drives with this seed.")
+    ] = 1,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the episodes; default: that of the run.")
+    ] = None,
+    begin: Annotated[float, typer.Option(min=0, help="Seconds of the episode to leave out.")] = 0.0,
+    seconds: Annotated[float, typer.Option(min=0.1, help="Seconds to show, at most.")] = 30.0,
+    rules: Rules = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="A setting of env, such as env.traffic=reactive, or of the driver, such as "
+            "driver.politeness=0.2; may be repeated.",
+        ),
+    ] = None,
+    width: Annotated[int, typer.Option(min=320, max=3840, help="Width of the picture.")] = 1200,
+    height: Annotated[int, typer.Option(min=240, max=2160, help="Height of the picture.")] = 400,
+) -> None:
+    """Draw a scene, or film a drive: the road, what the ego is offered, and what speaks against the rest.
+
+    A .png of a run or a recording shows the moment at --begin. Needs pip install 'drlsl[render]'.
+    """
+    from drlsl.driving.rendering import Film, RoadView, check_film_path
+
+    check_film_path(out)
+    view = RoadView((width, height))
+    if what.endswith(".json"):
+        with Film(out, 1.0) as film:
+            film.add(view.draw(_of_scene(Path(what), rules)))
+        typer.echo(f"wrote {out}")
+        return
+    config, who, arguments, own_seed = _drive(what, driver, settings or [], rules, shield)
+    drive = _Drive(config, who, arguments, own_seed if seed is None else seed, episode - 1)
+    time_step = drive.time_step
+    frames = max(1, round(1 / GIF_RATE / time_step)) if out.suffix.lower() == ".gif" else 1
+    with Film(out, 1 / (time_step * frames)) as film:
+        _film(film, view, drive, frames, begin, begin + seconds)
+    if not film.pictures:
+        raise UserError(
+            f"--begin {begin:g}: the episode is over after {drive.time:.1f} s; nothing was written"
+        )
+    shown = "" if film.full else f": {film.pictures} pictures, {film.pictures * time_step * frames:.1f} s"
+    typer.echo(f"wrote {out}{shown}")
+
+
+def _of_scene(path: Path, rules: list[Path] | None) -> Moment:
+    """Return the moment of a scene file."""
+    from drlsl.driving.rendering import moment_of_scene
+    from drlsl.driving.scene import load_scene
+    from drlsl.driving.shield import Shield
+
+    scene = load_scene(path)
+    with failures_as_errors():
+        return moment_of_scene(Shield.from_files(rules or ()), scene)
+
+
+def _drive(
+    what: str, driver: str, settings: list[str], rules: list[Path] | None, shield: str
+) -> tuple[EnvConfig, str, dict[str, Any], int]:
+    """Return the environment to drive in, who drives, with which parameters, and the seed.
+
+    Raises:
+        UserError: a setting is of neither, or wrong.
+    """
+    from drlsl.learning import RunFolder, make_config, merged, preset_values
+
+    is_run = (Path(what) / "config.yaml").is_file()
+    base = RunFolder.open(Path(what)).config.model_dump() if is_run else preset_values("quick")
+    flags = {
+        "env.recording": None if is_run else what,
+        "env.rules": [str(path) for path in rules] if rules else None,
+        "env.offers": "all" if shield == "off" else None,
+    }
+    given = given_settings(settings, flags, "env.traffic=reactive")
+    arguments = given.pop("driver", {})
+    if given.keys() - {"env"} or not isinstance(arguments, dict):
+        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
+    config = make_config(merged(base, given), "command line")
+    return config.env, what if is_run else driver, arguments, config.seed
+
+
+class _Drive:
+    """One episode of a driver, frame by frame."""
+
+    def __init__(
+        self, config: EnvConfig, who: str, arguments: dict[str, Any], seed: int, episode: int
+    ) -> None:
+        from gymnasium.utils import seeding
+
+        from drlsl.driving.drivers import DrivenBy
+        from drlsl.driving.shield import Shield
+        from drlsl.driving.simulation import World, frames_per_decision, load_playbacks
+        from drlsl.learning import evaluation_seed
+
+        shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
+        self.world = World(config, load_playbacks([config]), shield)
+        self._frames = frames_per_decision(config.decision_period, self.world.playbacks)
+        self._driven = DrivenBy(loaded_driver(who, arguments, shield))
+        self.world.reset([0], [seeding.np_random(evaluation_seed(seed, episode))[0]])
+        self.time = 0.0
+        """Time of the episode [s]."""
+
+    @property
+    def time_step(self) -> float:
+        """The duration of a frame [s]."""
+        return self.world.playback_of(0).road.time_step
+
+    def frames(self) -> Iterator[str]:
+        """Drive to the end of the episode; yield what there is to be alarmed about in each frame."""
+        from drlsl.driving.rendering import alarm_of
+        from drlsl.driving.simulation import drive_decision
+
+        yield ""
+        ended = False
+        while not ended:
+            actions = self._driven.actions(self.world)
+            for frame in range(self._frames):
+                result = drive_decision(self.world, actions if frame == 0 else [0], frames=1)
+                self.time += self.time_step
+                yield alarm_of(result, 0)
+                ended = bool(result.terminated[0] or result.truncated[0])
+                if ended:
+                    break
+
+
+def _film(film: Film, view: RoadView, drive: _Drive, frames: int, begin: float, end: float) -> None:
+    """Add every `frames`-th frame of a drive from `begin` to `end` [s], and the last one for a while."""
+    from drlsl.driving.rendering import moment_of_world
+
+    picture = None
+    for number, alarm in enumerate(drive.frames()):
+        if film.full or drive.time > end:
+            return
+        if drive.time >= begin and (number % frames == 0 or alarm):
+            picture = view.draw(moment_of_world(drive.world, alarm=alarm))
+            film.add(picture)
+    if picture is not None:
+        for _ in range(round(LAST / (drive.time_step * frames))):
+            film.add(picture)
