@@ -1,5 +1,8 @@
+from .answer_lists import tree_nodes
 from .arrays import ArrayPrinter
 from .batch_program import BatchAnswer, BatchProgram, Rows, TextProgram
+from .c_backend import CProgram, c_program, c_support
+from .js_backend import js_source, js_support
 from .numba_backend import compile_numba, numba_source
 from .numpy_backend import ArrayProgram, compile_numpy, numpy_source
 from .numpy_ops import Array, Ops
@@ -12,15 +15,21 @@ __all__ = [
     "ArrayProgram",
     "BatchAnswer",
     "BatchProgram",
+    "CProgram",
     "Ops",
     "Rows",
     "Scalar",
     "TextProgram",
+    "c_program",
+    "c_support",
     "compile_numba",
     "compile_numpy",
     "compile_scalar",
     "compile_torch",
+    "js_source",
+    "js_support",
     "numba_source",
     "numpy_source",
     "scalar_source",
+    "tree_nodes",
 ]

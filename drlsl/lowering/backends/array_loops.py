@@ -11,17 +11,18 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 from drlsl.logic.core import Operation
-from drlsl.lowering.backends.loop_ops import CALLED, NO_INTEGER
-from drlsl.lowering.backends.loops import Item, LoopPrinter
-from drlsl.lowering.backends.python_text import (
+from drlsl.lowering.backends.expressions import (
     ATOMIC,
     CHOICE,
     COMPARISON,
     OR,
     is_defined,
-    is_lookup,
     lookup_value,
 )
+from drlsl.lowering.backends.loop_ops import CALLED, NO_INTEGER
+from drlsl.lowering.backends.loops import Item
+from drlsl.lowering.backends.place_loops import PlaceLoops
+from drlsl.lowering.backends.python_text import PythonLoops
 from drlsl.lowering.frontend import Form, Lowered, array_forms, atom_codes
 from drlsl.lowering.ir import QUANTIFIERS, SMALL, Names, Node, Relation, reach, relation_of
 
@@ -76,7 +77,7 @@ class Given:
         return next(iter(self.columns.values()), self.valid)
 
 
-class ArrayLoopPrinter(LoopPrinter):
+class ArrayLoopPrinter(PythonLoops, PlaceLoops):
     """Writes the function for one lowered program.
 
     `codes` gives the integer of each atom. `given` are the parameters for the facts, by relation; they are
@@ -139,7 +140,7 @@ class ArrayLoopPrinter(LoopPrinter):
             self.write(f"if not fits({given.shape.name}.shape[0], {given.index.name}, scenes):")
             self.write("    return False")
         prelude, self.lines = self.lines, []
-        with self.block("for scene in range(scenes):"):
+        with self.block("for scene in range(scenes)"):
             self._scene()
         buffers = [f"    {line}" for line in self._buffers]
         taken = [parameter for given in self.given.values() for parameter in given.parameters]
@@ -177,7 +178,7 @@ class ArrayLoopPrinter(LoopPrinter):
         self.sweep()
         if self.undecided is not self.pool.false:
             self.share([self.undecided])
-            with self.block(f"if {self.text(self.undecided, CHOICE)}:"):
+            with self.block(f"if {self.text(self.undecided, CHOICE)}"):
                 self.write("continue")
         self.share(self.roots[1:])
         for form, output in zip(self.forms, self.outputs, strict=True):
@@ -217,13 +218,13 @@ class ArrayLoopPrinter(LoopPrinter):
         places = ["scene"] if form.plain else [f"scene, {place}" for place in range(len(form.values))]
         if form.query.mode == "first":
             found = form.found is not self.pool.true and self.text(form.found, OR)
-            with self.block(f"if {found or True}:"):
+            with self.block(f"if {found or True}"):
                 for place, node in zip(places, form.values, strict=True):
                     self.write(f"{value}[{place}] = {self.text(node, CHOICE)}")
                 self.write(f"{fails}[scene] = False")
             return
         for place, node in zip(places, form.values, strict=True):
-            with self.block(f"if {self.text(node, CHOICE)}:"):
+            with self.block(f"if {self.text(node, CHOICE)}"):
                 self.write(f"{value}[{place}] = True")
                 self.write(f"{fails}[scene] = False")
 
@@ -232,13 +233,13 @@ class ArrayLoopPrinter(LoopPrinter):
     def head(self, rows: Node, row: str) -> Sequence[str]:
         if rows.op == "where":
             place = self.names.new("place")
-            return f"for {place} in range({self._counts[rows]}):", f"{row} = {self.known[rows]}[{place}]"
+            return f"for {place} in range({self._counts[rows]})", f"{row} = {self.known[rows]}[{place}]"
         given = self.given[relation_of(rows)]
         if given.relation.single:
-            return (f"for {row} in range(1):",)
+            return (f"for {row} in range(1)",)
         first = "1, " if rows.op == "others" else ""
         return (
-            f"for {row} in range({first}{given.shape.name}.shape[1]):",
+            f"for {row} in range({first}{given.shape.name}.shape[1])",
             f"if not {given.valid.name}[{given.table}, {row}]:",
             "    continue",
         )
@@ -292,7 +293,7 @@ class ArrayLoopPrinter(LoopPrinter):
             self._update_all(items)
             return
         self.share(common)
-        with self.block(f"if {self._all_of(common)}:"):
+        with self.block(f"if {self._all_of(common)}"):
             self._update_all([item.without(common) for item in items])
 
     def _is_flat(self, items: Sequence[Item]) -> bool:
@@ -306,7 +307,7 @@ class ArrayLoopPrinter(LoopPrinter):
         self.share(node for item in items for node in (*item.conds, *item.values))
         for item in items:
             if item.node.op == "where":
-                with self.block(f"if {self._all_of(item.conds)}:"):
+                with self.block(f"if {self._all_of(item.conds)}"):
                     item.act()
             else:
                 self._update(item, self._all_of(item.conds))
@@ -368,26 +369,10 @@ class ArrayLoopPrinter(LoopPrinter):
         place = given.table if relation.single else f"{given.table}, {index}"
         return f"{given.columns[column].name}[{place}]"
 
-    def is_expensive(self, node: Node) -> bool:
-        return is_lookup(node)
+    def is_some(self, place: str, relation: Relation) -> str:
+        return f"{place} >= 0"
 
-    def assign(self, node: Node) -> str:
-        if node.op == "any" and is_lookup(node):
-            self._place(node)
-        return super().assign(node)
-
-    def _place(self, node: Node) -> str:
-        """Return the variable for the place of the row of a lookup."""
-        place = self.pool.make("first", "index", node.args)
-        return self.known.get(place) or super().assign(place)
-
-    def lookup(self, node: Node) -> tuple[str, int]:
-        if node.op == "any":
-            place = self.known.get(self.pool.make("first", "index", node.args)) or self._search(node)
-            return f"{place} >= 0", COMPARISON
-        return self._search(node), ATOMIC
-
-    def _search(self, node: Node) -> str:
+    def search(self, node: Node) -> str:
         given = self.given[relation_of(node.args[0])]
         key = given.columns[given.relation.key or 0].name
         value = self.text(lookup_value(node), CHOICE)

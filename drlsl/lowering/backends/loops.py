@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from drlsl.lowering.backends.python_text import CHOICE, PythonText, is_lookup
+from drlsl.lowering.backends.expressions import CHOICE, SUM, ExpressionText, is_lookup
 from drlsl.lowering.ir import QUANTIFIERS, Names, Node, Pool, Relation, conjuncts, reach, relation_of
 
 _TRIVIAL: Final = frozenset({"const", "col", "loop", "row", "facts", "others", "where"})
@@ -46,8 +46,11 @@ class Item:
         return replace(self, conds=tuple(cond for cond in self.conds if cond not in conds))
 
 
-class LoopPrinter(PythonText):
-    """Writes a function that computes some nodes, row by row. Subclasses define how rows are stored."""
+class LoopPrinter(ExpressionText):
+    """Writes a function that computes some nodes, row by row.
+
+    Subclasses define how rows are stored, and the words of the language.
+    """
 
     def __init__(self, pool: Pool, names: Names, roots: Sequence[Node]) -> None:
         super().__init__(names)
@@ -57,6 +60,32 @@ class LoopPrinter(PythonText):
         self.roots = roots
         self.reached = reach(roots)
         self.stages: dict[Node, int] = {}
+
+    # ---------------------------------------------------------------- the language
+
+    @abstractmethod
+    def block_head(self, head: str) -> str:
+        """Return the line that begins an indented block."""
+
+    @abstractmethod
+    def block_end(self) -> None:
+        """Write what ends a block."""
+
+    @abstractmethod
+    def test(self, cond: str, *, instead: bool = False) -> str:
+        """Return the head of a block for which a condition holds; `instead`: and those above it do not."""
+
+    @abstractmethod
+    def declare(self, name: str, text: str, kind: str) -> None:
+        """Write the first value of a variable."""
+
+    @abstractmethod
+    def put(self, name: str, text: str) -> None:
+        """Write another value of a variable."""
+
+    @abstractmethod
+    def end_loop(self) -> None:
+        """Write what ends the innermost loop."""
 
     # ---------------------------------------------------------------- rows
 
@@ -86,7 +115,7 @@ class LoopPrinter(PythonText):
 
     def no_value(self, value: Node, *, greatest: bool) -> str:
         """Return a number that is beyond every value."""
-        return "inf" if greatest else "-inf"
+        return self.infinity if greatest else f"-{self.infinity}"
 
     def column_name(self, node: Node) -> str:
         """Return a variable for a column of a row."""
@@ -104,11 +133,12 @@ class LoopPrinter(PythonText):
     @contextmanager
     def block(self, head: str) -> Iterator[None]:
         """Write an indented block; values named inside are forgotten after it."""
-        self.write(head)
+        self.write(self.block_head(head))
         outer = dict(self.known)
         self.depth += 1
         yield
         self.depth -= 1
+        self.block_end()
         self.known = outer
 
     @contextmanager
@@ -178,17 +208,12 @@ class LoopPrinter(PythonText):
         """Write one loop for all its members."""
         self._name_outside(loop.members)
         bound = self.pool.make("loop", "index", (loop.rows,), 0)
-        items = [self._item(member) for member in loop.members]
-        self._loop(bound, items, leave=len(loop.members) == 1 and loop.members[0].op in ("any", "first"))
+        self._loop(bound, [self._item(member, alone=len(loop.members) == 1) for member in loop.members])
 
-    def _loop(self, bound: Node, items: list[Item], *, leave: bool) -> None:
+    def _loop(self, bound: Node, items: list[Item]) -> None:
         row = self.names.new(relation_of(bound).name)
         with self.each(bound, row):
             self.visit(items)
-            if leave and self.leaves(bound):
-                # the last line is the action, at its own depth
-                last = self.lines[-1]
-                self.lines.append(last[: len(last) - len(last.lstrip())] + "break")
 
     def _name_outside(self, members: Sequence[Node]) -> None:
         """Compute values that the loop uses but does not change, before it."""
@@ -205,8 +230,11 @@ class LoopPrinter(PythonText):
             if node not in self.known:
                 self.assign(node)
 
-    def _item(self, node: Node) -> Item:
-        """Return the item that computes a quantifier or a selection of rows, row by row."""
+    def _item(self, node: Node, *, alone: bool) -> Item:
+        """Return the item that computes a quantifier or a selection of rows, row by row.
+
+        One that is `alone` in its loop may end it.
+        """
         name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, node.op)))
         parts = conjuncts(node.args[-1] if node.op == "where" else node.args[1])
         conds = tuple(sorted((part for part in parts if not part.is_const), key=is_costly))
@@ -218,37 +246,52 @@ class LoopPrinter(PythonText):
         if node.op == "where":
             add = self.choose_rows(name, node)
             return Item(node, conds, (), lambda: add(row()))
-        if node.op == "any":
-            self.write(f"{name} = False")
-            return Item(node, conds, (), lambda: self.write(f"{name} = True"))
+        if node.op in ("any", "first"):
+            return self._found_item(node, name, conds, leave=alone and self.leaves(loop))
         if node.op == "count":
-            self.write(f"{name} = 0")
-            return Item(node, conds, (), lambda: self.write(f"{name} += 1"))
-        if node.op == "first":
-            blank = self.no_row(relation_of(node))
-            self.write(f"{name} = {blank}")
-            none = self.is_none(name, relation_of(node))
-            return Item(node, conds, (), lambda: self.write(f"{name} = {row()} if {none} else {name}"))
+            self.declare(name, "0", "int")
+            return Item(node, conds, (), lambda: self.put(name, f"{name} + 1"))
         value = node.args[2]
         if node.op == "sum":
-            self.write(f"{name} = {self.text(node.args[3], CHOICE)}")
-            return Item(node, conds, (value,), lambda: self.write(f"{name} += {self.text(value, CHOICE)}"))
+            self.declare(name, self.text(node.args[3], CHOICE), node.kind)
+            return Item(node, conds, (value,), lambda: self.put(name, self.added(name, node)))
         return self._extreme_item(node, name, conds, value)
+
+    def added(self, name: str, node: Node) -> str:
+        """Return the text of a sum so far, `name`, and the next value."""
+        return f"{name} + {self.text(node.args[2], SUM + 1)}"
+
+    def _found_item(self, node: Node, name: str, conds: tuple[Node, ...], *, leave: bool) -> Item:
+        relation = relation_of(node)
+        self.declare(name, self.false if node.op == "any" else self.no_row(relation), node.kind)
+
+        def act() -> None:
+            if node.op == "any":
+                self.put(name, self.true)
+            elif leave:
+                self.put(name, self.known[node.loop])
+            else:
+                none = self.is_none(name, relation)
+                self.put(name, self.conditional(none, self.known[node.loop], name))
+            if leave:
+                self.end_loop()
+
+        return Item(node, conds, (), act)
 
     def _extreme_item(self, node: Node, name: str, conds: tuple[Node, ...], value: Node) -> Item:
         least = node.op in ("min_of", "argmin")
         best = name
         if node.op in ("argmin", "argmax"):
             best = self.names.new("least" if least else "greatest")
-            self.write(f"{name} = {self.no_row(relation_of(node))}")
-        self.write(f"{best} = {self.no_value(value, greatest=least)}")
+            self.declare(name, self.no_row(relation_of(node)), "index")
+        self.declare(best, self.no_value(value, greatest=least), value.kind)
 
         def act() -> None:
             text = self.known.get(value) or self.assign(value)
-            with self.block(f"if {text} {'<' if least else '>'} {best}:"):
-                self.write(f"{best} = {text}")
+            with self.block(self.test(f"{text} {'<' if least else '>'} {best}")):
+                self.put(best, text)
                 if best is not name:
-                    self.write(f"{name} = {self.known[node.loop]}")
+                    self.put(name, self.known[node.loop])
 
         return Item(node, conds, (value,), act, best)
 
@@ -279,10 +322,10 @@ class LoopPrinter(PythonText):
             if not exclusive:
                 chain, tests = [], []
             if tests == [self.pool.not_(cond)] and test is cond:
-                head = "else:"
+                head = "else"
                 chain, tests = [], []
             else:
-                head = f"{'elif' if chain else 'if'} {self.text(test, CHOICE)}:"
+                head = self.test(self.text(test, CHOICE), instead=bool(chain))
                 chain, tests = [*chain, cond], [*tests, test]
             with self.block(head):
                 self.visit(rest)
@@ -315,15 +358,14 @@ class LoopPrinter(PythonText):
 
     def _nested(self, node: Node) -> None:
         """Write a loop inside a loop."""
-        item = self._item(node)
-        self._loop(node.args[0], [item], leave=node.op in ("any", "first"))
+        self._loop(node.args[0], [self._item(node, alone=True)])
 
     def assign(self, node: Node) -> str:
         """Assign a value to a variable; return its name."""
         self.nested_quantifiers(node)
         text = self.text(node, CHOICE)
         name = self.known[node] = self.names.new(self.pool.names.get(node, _HINTS.get(node.op, "value")))
-        self.write(f"{name} = {text}")
+        self.declare(name, text, node.kind)
         return name
 
 

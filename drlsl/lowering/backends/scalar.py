@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeAlias
 
-from drlsl.logic.terms import NIL, Atom, Struct
-from drlsl.lowering.backends.loops import LoopPrinter
-from drlsl.lowering.backends.python_text import ATOMIC, CHOICE, COMPARISON, OR, is_lookup, lookup_value
+from drlsl.lowering.backends.answer_lists import AnswerLists, roots_of
+from drlsl.lowering.backends.expressions import ATOMIC, CHOICE, COMPARISON, is_lookup, lookup_value
+from drlsl.lowering.backends.python_text import PythonLoops
 from drlsl.lowering.backends.scalar_support import SUPPORT, Facts, blank_row
-from drlsl.lowering.frontend import Answer, Lowered
+from drlsl.lowering.frontend import Lowered
 from drlsl.lowering.ir import (
-    Bag,
-    Branch,
-    Each,
-    Emit,
-    Guard,
     Names,
     Node,
     Relation,
-    Sym,
-    Tree,
-    children,
     relation_of,
-    resolve,
 )
 
 Scalar: TypeAlias = Callable[[Facts], tuple[Any, ...]]
@@ -51,13 +42,13 @@ def scalar_source(lowered: Lowered) -> str:
     return _Printer(lowered).module()
 
 
-class _Printer(LoopPrinter):
+class _Printer(PythonLoops, AnswerLists):
     """Writes the function for one lowered program."""
 
     def __init__(self, lowered: Lowered) -> None:
         self.lowered = lowered
         self.undecided = lowered.pool.or_(answer.undecided for answer in lowered.answers)
-        roots = [self.undecided, *(root for answer in lowered.answers for root in _roots(answer))]
+        roots = [self.undecided, *(root for answer in lowered.answers for root in roots_of(answer))]
         super().__init__(lowered.pool, Names(_RESERVED), roots)
         self.constants: dict[str, Any] = {}
         self._tables: dict[Relation, str] = {}  # the dictionary of rows by key
@@ -68,10 +59,10 @@ class _Printer(LoopPrinter):
         self._facts()
         self.sweep()
         if self.undecided is not self.pool.false:
-            with self.block(f"if {self.text(self.undecided, CHOICE)}:"):
+            with self.block(self.test(self.text(self.undecided, CHOICE))):
                 self.write("raise Undecided('an arithmetic error on the way')")
         self.share(self.roots[1:])
-        results = [self._answer(answer) for answer in self.lowered.answers]
+        results = [self.answer(answer) for answer in self.lowered.answers]
         self.write(f"return ({', '.join(results)}{',' if len(results) == 1 else ''})")
         return "\n".join(["def answer(facts):", *self.lines, ""])
 
@@ -105,7 +96,7 @@ class _Printer(LoopPrinter):
     # ---------------------------------------------------------------- rows
 
     def head(self, rows: Node, row: str) -> Sequence[str]:
-        return (f"for {row} in {self.known[rows]}:",)
+        return (f"for {row} in {self.known[rows]}",)
 
     def unpack(self, index: Node) -> None:
         relation = relation_of(index)
@@ -150,131 +141,31 @@ class _Printer(LoopPrinter):
 
     # ---------------------------------------------------------------- answers
 
-    def _answer(self, answer: Answer) -> str:
-        if answer.query.mode == "holds":
-            return self.text(answer.found, OR)
-        if answer.query.mode == "first" and answer.terms is not None:
-            value = self._terms(answer.terms)
-            return (
-                value
-                if answer.found is self.pool.true
-                else f"{value} if {self.text(answer.found, OR)} else None"
-            )
-        if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
-            return self._chosen(answer)
-        name = self._solutions(answer.tree, answer.query.name)
-        if answer.query.mode == "set":
-            return f"[item for n, item in enumerate({name}) if item not in {name}[:n]]"
-        return name if answer.query.mode == "all" else f"{name}[0] if {name} else None"
+    none = "None"
 
-    def _chosen(self, answer: Answer) -> str:
-        """Return the list of the values that are solutions."""
-        name = self.names.new(answer.query.name)
-        sure = [value for value, cond in answer.choices or () if cond is self.pool.true]
-        assert answer.choices is not None
-        start = sure[:1] if answer.choices[:1] == tuple((value, self.pool.true) for value in sure[:1]) else []
-        self.write(f"{name} = [{', '.join(map(self._term, start))}]")
-        for value, cond in answer.choices[len(start) :]:
-            if cond is self.pool.true:
-                self.write(f"{name}.append({self._term(value)})")
-                continue
-            with self.block(f"if {self.text(cond, CHOICE)}:"):
-                self.write(f"{name}.append({self._term(value)})")
-        return name
+    def sequence(self, items: Sequence[str]) -> str:
+        return f"[{', '.join(items)}]"
 
-    def _solutions(self, tree: Tree, hint: str) -> str:
-        """Return the list of all solutions of a tree."""
-        name = self.names.new(hint)
-        self.write(f"{name} = []")
-        self._collect(tree, name)
-        return name
+    def several(self, items: Sequence[str]) -> str:
+        return f"({', '.join(items)})"
 
-    def _collect(self, tree: Tree, name: str) -> None:
-        if isinstance(tree, Emit):
-            self.write(f"{name}.append({self._terms(tree.terms)})")
-        elif isinstance(tree, Guard):
-            self.nested_quantifiers(tree.cond)
-            with self.block(f"if {self.text(tree.cond, CHOICE)}:"):
-                self._collect(tree.body, name)
-        elif isinstance(tree, Branch):
-            self.nested_quantifiers(tree.cond)
-            with self.block(f"if {self.text(tree.cond, CHOICE)}:"):
-                self._collect(tree.then, name)
-            with self.block("else:"):
-                self._collect(tree.els, name)
-        elif isinstance(tree, Each):
-            row = self.names.new(relation_of(tree.loop).name)
-            with self.each(tree.loop, row):
-                self._collect(tree.body, name)
-        else:
-            for child in children(tree):
-                self._collect(child, name)
-            if not children(tree):
-                self.write("pass")
+    def compound(self, name: str, args: Sequence[str]) -> str:
+        return f"Compound({name!r}, ({''.join(f'{arg}, ' for arg in args)}))"
 
-    def _terms(self, terms: Sequence[Sym]) -> str:
-        """Return the arguments of a solution."""
-        if len(terms) == 1:
-            return self._term(terms[0])
-        return f"({', '.join(map(self._term, terms))})"
+    def string(self, text: str) -> str:
+        return f"String({text!r})"
 
-    def _term(self, term: Sym) -> str:
-        """Return a term in the form of the engine's solutions."""
-        term = resolve(term)
-        if isinstance(term, Node):
-            self.nested_quantifiers(term)
-            return self.text(term, OR)
-        if isinstance(term, Bag):
-            return self._solutions(term.tree, "items")
-        if isinstance(term, Atom):
-            return "[]" if term is NIL else repr(term.name)
-        if isinstance(term, str):
-            return f"String({term!r})"
-        if isinstance(term, Struct):
-            return self._compound(term)
-        return repr(term)
+    def distinct(self, name: str) -> str:
+        return f"[item for n, item in enumerate({name}) if item not in {name}[:n]]"
 
-    def _compound(self, term: Struct) -> str:
-        items: list[Sym] = []
-        rest: Sym = term
-        while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
-            items.append(rest.args[0])
-            rest = resolve(rest.args[1])
-        if rest is NIL:
-            return f"[{', '.join(map(self._term, items))}]"
-        args = "".join(f"{self._term(arg)}, " for arg in term.args)
-        return f"Compound({term.name!r}, ({args}))"
+    def first_item(self, name: str) -> str:
+        return f"{name}[0] if {name} else None"
 
+    def append(self, name: str, item: str) -> None:
+        self.write(f"{name}.append({item})")
 
-def _roots(answer: Answer) -> list[Node]:
-    """Return the nodes of an answer."""
-    if answer.query.mode == "holds":
-        return [answer.found]
-    if answer.query.mode == "first" and answer.terms is not None:
-        return [answer.found, *(node for term in answer.terms for node in _nodes(term))]
-    if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
-        return [cond for _, cond in answer.choices]
-    return list(_tree_nodes(answer.tree))
+    def start_list(self, name: str, items: Sequence[str]) -> None:
+        self.write(f"{name} = {self.sequence(items)}")
 
-
-def _nodes(term: Sym) -> Iterator[Node]:
-    term = resolve(term)
-    if isinstance(term, Node):
-        yield term
-    elif isinstance(term, Struct):
-        for arg in term.args:
-            yield from _nodes(arg)
-    elif isinstance(term, Bag):
-        yield from _tree_nodes(term.tree)
-
-
-def _tree_nodes(tree: Tree) -> Iterator[Node]:
-    if isinstance(tree, Guard | Branch):
-        yield tree.cond
-    if isinstance(tree, Each):
-        yield tree.loop
-    if isinstance(tree, Emit):
-        for term in tree.terms:
-            yield from _nodes(term)
-    for child in children(tree):
-        yield from _tree_nodes(child)
+    def nothing(self) -> None:
+        self.write("pass")

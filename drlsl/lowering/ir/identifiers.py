@@ -9,17 +9,19 @@ from typing import Final
 
 _WORDS: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _OTHER: Final = re.compile(r"\W+")
+_NOT_ASCII: Final = re.compile(r"\W+", re.ASCII)
 
 
 class Names:
     """Hands out each name once."""
 
-    def __init__(self, reserved: Iterable[str] = ()) -> None:
+    def __init__(self, reserved: Iterable[str] = (), *, ascii_only: bool = False) -> None:
         self._taken = {*keyword.kwlist, *reserved}
+        self._other = _NOT_ASCII if ascii_only else _OTHER
 
     def new(self, hint: str) -> str:
         """Return an unused name: the hint in lower case, with a number appended if necessary."""
-        base = _OTHER.sub("_", _WORDS.sub("_", hint).lower()).strip("_") or "value"
+        base = self._other.sub("_", _WORDS.sub("_", hint).lower()).strip("_") or "value"
         if base[0].isdigit():
             base = f"v{base}"
         name, number = base, 1

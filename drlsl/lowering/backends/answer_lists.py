@@ -1,0 +1,197 @@
+"""Answers as lists of solutions, in the order of Prolog."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Sequence
+
+from drlsl.logic.terms import NIL, Atom, Struct
+from drlsl.lowering.backends.expressions import CHOICE, OR
+from drlsl.lowering.backends.loops import LoopPrinter
+from drlsl.lowering.frontend import Answer
+from drlsl.lowering.ir import Bag, Branch, Each, Emit, Guard, Node, Sym, Tree, children, relation_of, resolve
+
+
+class SolutionLoops(LoopPrinter):
+    """Writes the loops that go through the solutions of a tree."""
+
+    @abstractmethod
+    def emit(self, terms: Sequence[Sym], name: str) -> None:
+        """Write what adds a solution to those called `name`."""
+
+    @abstractmethod
+    def nothing(self) -> None:
+        """Write an empty block."""
+
+    def collect(self, tree: Tree, name: str) -> None:
+        """Write what adds each solution of a tree to those called `name`."""
+        if isinstance(tree, Emit):
+            self.emit(tree.terms, name)
+        elif isinstance(tree, Guard):
+            self._collect_if(tree.cond, tree.body, name)
+        elif isinstance(tree, Branch):
+            self._collect_if(tree.cond, tree.then, name)
+            with self.block("else"):
+                self.collect(tree.els, name)
+        elif isinstance(tree, Each):
+            row = self.names.new(relation_of(tree.loop).name)
+            with self.each(tree.loop, row):
+                self.collect(tree.body, name)
+        else:
+            for child in children(tree):
+                self.collect(child, name)
+            if not children(tree):
+                self.nothing()
+
+    def _collect_if(self, cond: Node, tree: Tree, name: str) -> None:
+        self.nested_quantifiers(cond)
+        with self.block(self.test(self.text(cond, CHOICE))):
+            self.collect(tree, name)
+
+
+class AnswerLists(SolutionLoops):
+    """Writes answers in a language that has lists: a solution is a value, or a tuple of several."""
+
+    @abstractmethod
+    def sequence(self, items: Sequence[str]) -> str:
+        """Return a list."""
+
+    @abstractmethod
+    def several(self, items: Sequence[str]) -> str:
+        """Return the arguments of a solution, none or more than one."""
+
+    @abstractmethod
+    def compound(self, name: str, args: Sequence[str]) -> str:
+        """Return a compound term."""
+
+    @abstractmethod
+    def string(self, text: str) -> str:
+        """Return a string of Prolog."""
+
+    @abstractmethod
+    def distinct(self, name: str) -> str:
+        """Return the items of a list without those that came before."""
+
+    @abstractmethod
+    def first_item(self, name: str) -> str:
+        """Return the first item of a list, nothing if it is empty."""
+
+    @abstractmethod
+    def append(self, name: str, item: str) -> None:
+        """Write what adds an item to a list."""
+
+    @abstractmethod
+    def start_list(self, name: str, items: Sequence[str]) -> None:
+        """Write a variable that holds a list."""
+
+    none: str
+
+    def answer(self, answer: Answer) -> str:
+        """Write what computes an answer; return its text."""
+        mode = answer.query.mode
+        if mode == "holds":
+            return self.text(answer.found, OR)
+        if mode == "first" and answer.terms is not None:
+            value = self._terms(answer.terms)
+            if answer.found is self.pool.true:
+                return value
+            return self.conditional(self.text(answer.found, OR), value, self.none)
+        if mode == "set" and answer.choices is not None and answer.in_order:
+            return self._chosen(answer)
+        name = self._solutions(answer.tree, answer.query.name)
+        if mode == "set":
+            return self.distinct(name)
+        return name if mode == "all" else self.first_item(name)
+
+    def emit(self, terms: Sequence[Sym], name: str) -> None:
+        self.append(name, self._terms(terms))
+
+    def _chosen(self, answer: Answer) -> str:
+        """Return the list of the values that are solutions."""
+        name = self.names.new(answer.query.name)
+        sure = [value for value, cond in answer.choices or () if cond is self.pool.true]
+        assert answer.choices is not None
+        start = sure[:1] if answer.choices[:1] == tuple((value, self.pool.true) for value in sure[:1]) else []
+        self.start_list(name, list(map(self._term, start)))
+        for value, cond in answer.choices[len(start) :]:
+            if cond is self.pool.true:
+                self.append(name, self._term(value))
+                continue
+            with self.block(self.test(self.text(cond, CHOICE))):
+                self.append(name, self._term(value))
+        return name
+
+    def _solutions(self, tree: Tree, hint: str) -> str:
+        """Return the list of all solutions of a tree."""
+        name = self.names.new(hint)
+        self.start_list(name, [])
+        self.collect(tree, name)
+        return name
+
+    def _terms(self, terms: Sequence[Sym]) -> str:
+        """Return the arguments of a solution."""
+        if len(terms) == 1:
+            return self._term(terms[0])
+        return self.several(list(map(self._term, terms)))
+
+    def _term(self, term: Sym) -> str:
+        """Return a term in the form of the engine's solutions."""
+        term = resolve(term)
+        if isinstance(term, Node):
+            self.nested_quantifiers(term)
+            return self.text(term, OR)
+        if isinstance(term, Bag):
+            return self._solutions(term.tree, "items")
+        if isinstance(term, Atom):
+            return self.sequence([]) if term is NIL else self.atom(term.name)
+        if isinstance(term, str):
+            return self.string(term)
+        if isinstance(term, Struct):
+            return self._compound(term)
+        return self.number(term)
+
+    def _compound(self, term: Struct) -> str:
+        items: list[Sym] = []
+        rest: Sym = term
+        while isinstance(rest, Struct) and rest.name == "." and len(rest.args) == 2:
+            items.append(rest.args[0])
+            rest = resolve(rest.args[1])
+        if rest is NIL:
+            return self.sequence(list(map(self._term, items)))
+        return self.compound(term.name, list(map(self._term, term.args)))
+
+
+def roots_of(answer: Answer) -> list[Node]:
+    """Return the nodes of an answer that is a list of solutions or one of them."""
+    if answer.query.mode == "holds":
+        return [answer.found]
+    if answer.query.mode == "first" and answer.terms is not None:
+        return [answer.found, *(node for term in answer.terms for node in nodes_of(term))]
+    if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
+        return [cond for _, cond in answer.choices]
+    return list(tree_nodes(answer.tree))
+
+
+def nodes_of(term: Sym) -> Iterator[Node]:
+    """Yield the nodes in a term."""
+    term = resolve(term)
+    if isinstance(term, Node):
+        yield term
+    elif isinstance(term, Struct):
+        for arg in term.args:
+            yield from nodes_of(arg)
+    elif isinstance(term, Bag):
+        yield from tree_nodes(term.tree)
+
+
+def tree_nodes(tree: Tree) -> Iterator[Node]:
+    """Yield the nodes in a tree of solutions."""
+    if isinstance(tree, Guard | Branch):
+        yield tree.cond
+    if isinstance(tree, Each):
+        yield tree.loop
+    if isinstance(tree, Emit):
+        for term in tree.terms:
+            yield from nodes_of(term)
+    for child in children(tree):
+        yield from tree_nodes(child)
