@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -148,6 +148,20 @@ def _source(tier: Tier, lowered: Lowered) -> str:
     from drlsl.lowering.backends import numpy_source
 
     return numpy_source(lowered)
+
+
+@app.command()
+def export(
+    to: Annotated[Literal["js", "c"], typer.Option(help="The language.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="A new folder for the files.")],
+    files: RuleFiles = None,
+) -> None:
+    """Write a rule program in another language, with a check against 1,000 decisions."""
+    from drlsl.driving.export import FORMATS, export_rules
+
+    written = export_rules(files or (), to, out)
+    print(f"wrote {', '.join(path.name for path in written)} to {out}")
+    print(f"check them there: {FORMATS[to].check}")
 
 
 @app.command()

@@ -177,8 +177,10 @@ def _objection(action: Action, term: object) -> Objection:
             )
 
 
-def _urgency(objection: Objection) -> tuple[float, str]:
-    return (float("-inf") if objection.gap is None else objection.gap, str(objection))
+def _urgency(objection: Objection) -> tuple[float, str, str, float, tuple[tuple[float, str], ...]]:
+    details = tuple((math.inf, one) if isinstance(one, str) else (one, "") for one in objection.details)
+    gap = -math.inf if objection.gap is None else objection.gap
+    return gap, objection.reason, objection.vehicle or "", objection.needed or 0.0, details
 
 
 def _number(value: object) -> float:

@@ -5,7 +5,7 @@ from .ego_limits import ACCELERATION_LIMIT, BRAKING_LIMIT, CENTRE_TOLERANCE, EGO
 from .facts import SCHEMA, Facts, Row, facts_of, road_facts, scene_facts
 from .model import EGO, Road, Scene, Vehicle, bumper_gap
 from .rows import copied, put_rows, taken_rows, with_rows
-from .scene_file import load_scene, parse_scene, scene_json, write_scenes
+from .scene_file import load_scene, parse_scene, scene_defaults, scene_json, write_scenes
 
 __all__ = [
     "ACCELERATION_LIMIT",
@@ -32,6 +32,7 @@ __all__ = [
     "parse_scene",
     "put_rows",
     "road_facts",
+    "scene_defaults",
     "scene_facts",
     "scene_json",
     "several_actions",

@@ -72,9 +72,12 @@ class Scene:
     target_lane: int
 
     def in_range(self) -> tuple[Vehicle, ...]:
-        """Return the vehicles in radar range; one whose place is NaN is kept: the rules shall fail on it."""
-        ego, reach = self.ego, self.road.radar_range
-        return tuple(car for car in self.vehicles if not math.hypot(car.x - ego.x, car.y - ego.y) > reach)
+        """Return the vehicles in radar range; one whose place is NaN is kept: the rules shall fail on it.
+
+        The distance is computed as the rules compute it, and as every language does.
+        """
+        reach = self.road.radar_range
+        return tuple(car for car in self.vehicles if not _distance(car, self.ego) > reach)
 
     @property
     def forward(self) -> int:
@@ -83,6 +86,12 @@ class Scene:
         if lane is not None:
             return lane.direction.sign
         return 1 if self.ego.vx >= 0 else -1
+
+
+def _distance(one: Vehicle, other: Vehicle) -> float:
+    """Return the distance between two centres [m]."""
+    dx, dy = one.x - other.x, one.y - other.y
+    return math.sqrt(dx * dx + dy * dy)
 
 
 def bumper_gap(one: Vehicle, other: Vehicle) -> float:

@@ -170,6 +170,12 @@ def _scene(model: SceneModel) -> Scene:
     )
 
 
+def scene_defaults() -> dict[str, float]:
+    """Return the numbers that a scene file may leave out, by the names of their fields."""
+    fields = {**RoadModel.model_fields, **BoxModel.model_fields}
+    return {name: field.default for name, field in fields.items() if isinstance(field.default, float)}
+
+
 def scene_json(scene: Scene) -> str:
     """Return the scene file of `scene`, which `load_scene` reads back as the same scene."""
     road = scene.road

@@ -3,7 +3,7 @@ from .compiled import ASKED, check_state, query_of
 from .decision import NO_WISH, Decision, Decisions, RuleFailure
 from .highway_rules import default_rules
 from .observation import PAPER_OBSERVATION, ObservationSpace, declared_observation
-from .questions import ACTIONS, BOUNDS, COMFORT, ENTRY, FREE, LANE, NAMES, SPEED, STATE
+from .questions import ACTIONS, BOUNDS, COMFORT, ENTRY, FREE, LANE, NAMES, SPEED, STATE, Question
 from .shield import LIMITS, Shield
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Decision",
     "Decisions",
     "ObservationSpace",
+    "Question",
     "RuleFailure",
     "Shield",
     "check_state",

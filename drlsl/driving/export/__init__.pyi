@@ -1,0 +1,14 @@
+from .exported_folder import FORMATS, Format, export_rules
+from .rule_program import RuleProgram
+from .scenes import draw_scenes
+from .stored import StoredDecision, decide_all
+
+__all__ = [
+    "FORMATS",
+    "Format",
+    "RuleProgram",
+    "StoredDecision",
+    "decide_all",
+    "draw_scenes",
+    "export_rules",
+]
