@@ -30,7 +30,8 @@ def study(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="Study that ships with DRLSL: smoke (default), benchmark, paper, paper-code, full."
+            help="Study that ships with DRLSL: smoke (default), benchmark, benchmark-beside, paper, "
+            "paper-code, full."
         ),
     ] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with a study of your own.")] = None,

@@ -3,6 +3,7 @@ from .checkpoint import Kind, load_state
 from .config import (
     EXAMPLE,
     NetworkConfig,
+    PpoConfig,
     TrainConfig,
     dump_yaml,
     load_config,
@@ -17,10 +18,11 @@ from .episode import evaluation_seed
 from .evaluation import EVALUATION_KEY, ShieldState, as_record, drive, make_evaluation_env
 from .figures import FIGURES, moving_average
 from .fleet import VectorHighway, space_sizes
+from .masked_ppo import require_masked_ppo, train_masked_ppo
 from .network_factory import factory_file
 from .onnx_export import export_onnx
 from .overview import RunOverview, differing_settings, find_runs, overview_of
-from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, RunFolder, next_free_folder
+from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, MODEL, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
 from .totals import Totals, time_saved, times_of
 from .trainer import StepEvent, Trainer, make_learner
@@ -32,8 +34,10 @@ __all__ = [
     "FIGURES",
     "METRICS",
     "METRIC_COLUMNS",
+    "MODEL",
     "Kind",
     "NetworkConfig",
+    "PpoConfig",
     "RunFolder",
     "RunOverview",
     "Session",
@@ -66,9 +70,11 @@ __all__ = [
     "overview_of",
     "preset_names",
     "preset_values",
+    "require_masked_ppo",
     "space_sizes",
     "time_saved",
     "times_of",
     "train",
+    "train_masked_ppo",
     "with_value",
 ]

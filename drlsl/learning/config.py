@@ -242,6 +242,45 @@ class TrainConfig(Section):
         return self
 
 
+class PpoConfig(Section):
+    """Masked PPO of sb3-contrib, in the place of a DQN.
+
+    The road, the seed, the episodes, the environments side by side, the discount and the width of the layers
+    are those of a `TrainConfig`. Source of the defaults without a reason: Stable-Baselines3.
+    """
+
+    steps: int = Field(
+        default=64,
+        ge=2,
+        description="Decisions of each environment between two updates; fewer than the 2,048 of "
+        "Stable-Baselines3, so that a training of some 10,000 decisions has updates enough.",
+    )
+    batch_size: int = Field(default=128, ge=2, description="Decisions in a minibatch.")
+    epochs: int = Field(default=10, ge=1, description="Passes over the decisions in an update.")
+    learning_rate: float = Field(
+        default=1e-3, gt=0, le=1, description="Adam's learning rate; higher, for the same reason."
+    )
+    gae_lambda: float = Field(
+        default=0.95, ge=0, le=1, description="λ of the generalized advantage estimation."
+    )
+    clip_range: float = Field(default=0.2, gt=0, description="Bound of a change of a probability's ratio.")
+    entropy: float = Field(
+        default=0.01, ge=0, description="Weight of the entropy in the loss, which keeps it exploring."
+    )
+
+    def check_fits(self, config: TrainConfig) -> None:
+        """Check that a training can be of masked PPO.
+
+        Raises:
+            UserError: it offers all actions, or has another network than fully connected layers.
+        """
+        if config.method == "dqn":
+            raise UserError("ppo: it chooses among what is offered; method is dqnsl or mpsdqn, not dqn")
+        network = config.network
+        if network.factory != "mlp" or network.window != 1 or network.noisy:
+            raise UserError("ppo: its network has fully connected layers; of network only hidden may be set")
+
+
 def preset_names() -> list[str]:
     """Return the names of the configurations that ship with the package."""
     folder = importlib.resources.files("drlsl.learning").joinpath("presets")

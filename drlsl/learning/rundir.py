@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 CONFIG, METRICS, CHECKPOINT = "config.yaml", "metrics.csv", "checkpoint.pt"
 POLICY, EVALUATION, FIGURES = "policy.pt", "evaluation.json", "figures"
 TENSORBOARD = "tensorboard"
+
+MODEL = "model.zip"
+"""The model of a training with sb3-contrib."""
+
 LOCK, EVALUATION_LOCK = ".lock", ".evaluation.lock"
 
 LOCK_S = 10.0
@@ -309,7 +313,18 @@ def _refuse_occupied(root: Path, force: bool) -> None:
 
 def _is_ours(name: str) -> bool:
     """Return whether a run writes a file of this name, or leaves one when it is killed."""
-    known = (CONFIG, METRICS, CHECKPOINT, POLICY, EVALUATION, FIGURES, TENSORBOARD, LOCK, EVALUATION_LOCK)
+    known = (
+        CONFIG,
+        METRICS,
+        CHECKPOINT,
+        POLICY,
+        MODEL,
+        EVALUATION,
+        FIGURES,
+        TENSORBOARD,
+        LOCK,
+        EVALUATION_LOCK,
+    )
     return name in known or name.startswith(tuple(f".{item}." for item in known))
 
 

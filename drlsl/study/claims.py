@@ -150,8 +150,8 @@ def _leaves(values: dict[str, Any], path: str = "") -> Iterator[str]:
 
 
 def _trained_as(study: StudyConfig, method: str) -> str | None:
-    """Return how a method was trained; None if it is a driver that is not."""
-    if method not in study.learnt:
+    """Return how a DQN was trained; None if the method is another."""
+    if method not in study.learnt or study.methods[method].ppo is not None:
         return None
     return study.training(Run(method, 0)).method
 

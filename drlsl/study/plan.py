@@ -13,7 +13,15 @@ from drlsl.driving import EnvConfig, Section
 from drlsl.driving.drivers import DRIVERS, KEEP, is_driver, make_driver
 from drlsl.errors import UserError
 from drlsl.files import parse_yaml, read_yaml, to_yaml
-from drlsl.learning import TrainConfig, make_config, merged, preset_names, preset_values, with_value
+from drlsl.learning import (
+    PpoConfig,
+    TrainConfig,
+    make_config,
+    merged,
+    preset_names,
+    preset_values,
+    with_value,
+)
 from drlsl.study.paper import PaperMethod, PaperTest
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9]+([._-][a-z0-9]+)*$", max_length=60)]
@@ -38,6 +46,11 @@ class MethodConfig(Section):
         "settings of its env only.",
     )
     parameters: dict[str, Any] = Field(default_factory=dict, description="Parameters of the driver, by name.")
+    ppo: PpoConfig | None = Field(
+        default=None,
+        description="Settings of masked PPO (extra sb3), which is then trained in the place of a DQN; {}: as "
+        "they are by default.",
+    )
 
     @model_validator(mode="after")
     def _is_trained_or_not(self) -> Self:
@@ -45,6 +58,8 @@ class MethodConfig(Section):
             if self.parameters:
                 raise ValueError("parameters are those of a driver; give the driver, or leave them out")
             return self
+        if self.ppo is not None:
+            raise ValueError(f"driver {self.driver} is not trained: leave out ppo")
         if self.train.keys() - {"env"}:
             raise ValueError(f"driver {self.driver} is not trained: train may hold env only")
         if not (is_driver(self.driver) or self.driver.endswith(".zip")):
@@ -108,7 +123,9 @@ class StudyConfig(Section):
             raise ValueError(f"no preset '{self.preset}'; expected one of {', '.join(preset_names())}")
         for method in self.methods:
             try:
-                self.training(Run(method, 0))
+                training = self.training(Run(method, 0))
+                if (ppo := self.methods[method].ppo) is not None:
+                    ppo.check_fits(training)
             except UserError as error:
                 raise ValueError(str(error)) from error
         return self

@@ -8,13 +8,14 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from drlsl.driving import EnvConfig
+from drlsl.driving import EnvConfig, HighwayVectorEnv
 from drlsl.driving.drivers import DRIVERS, Driver
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.files import digest
 from drlsl.learning import (
     CHECKPOINT,
+    MODEL,
     NetworkConfig,
     Session,
     ShieldState,
@@ -24,6 +25,8 @@ from drlsl.learning import (
     load_driver,
     load_policy,
     make_evaluation_env,
+    require_masked_ppo,
+    train_masked_ppo,
 )
 from drlsl.study.computer import processors
 from drlsl.study.folder import StudyFolder
@@ -42,6 +45,9 @@ ORPHAN_S = 60.0
 
 PACKAGES = ("torch", "numpy", "gymnasium", "pandas")
 """Packages whose versions can change a result, as DRLSL's own can."""
+
+PPO_PACKAGES = ("stable-baselines3", "sb3-contrib")
+"""Packages that can change a training of masked PPO, too."""
 
 
 def perform(root: Path, task: Task, stop: Stop) -> None:
@@ -62,9 +68,11 @@ def inputs_of(study: StudyConfig) -> dict[str, Any]:
     """Return digests of all else that the results depend on: networks, rule programs, recordings.
 
     Raises:
-        UserError: a network of the user's own is not found, a rule file or a recording cannot be read, or the
-            rules do not observe what they declare.
+        UserError: a network of the user's own or a package is not found, a rule file or a recording cannot be
+            read, or the rules do not observe what they declare.
     """
+    if any(method.ppo is not None for method in study.methods.values()):
+        require_masked_ppo()
     digests: dict[str, str] = {}
     for method in {run.method: run for run in study.runs}.values():
         config = study.training(method)
@@ -80,6 +88,12 @@ def inputs_of(study: StudyConfig) -> dict[str, Any]:
 
 def _train(folder: StudyFolder, task: Task, stop: Stop) -> None:
     root, config = folder.run_path(task.run), folder.study.training(task.run)
+    ppo = folder.study.methods[task.run.method].ppo
+    if ppo is not None:
+        trained = train_masked_ppo(root, config, ppo, stop)
+        if trained is not None:
+            folder.finish(task, {**_maker(*PPO_PACKAGES), "metrics": trained.sync_metrics()})
+        return
     if (root / CHECKPOINT).is_file():
         folder.run(task.run)
         session = Session.resume(root)
@@ -115,12 +129,7 @@ def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
 def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -> Iterator[dict[str, Any]]:
     """Yield the records of a policy in one environment, shield off and on; ends early once asked to stop."""
     env = make_evaluation_env(config)
-    method = folder.study.methods[run.method]
-    driver: Driver = (
-        load_policy(folder.run(run), env)
-        if method.driver is None
-        else load_driver(method.driver, env, method.parameters)
-    )
+    driver = _driver(folder, run, env)
     for shield in SHIELDS:
         summaries = []
         for summary in drive(
@@ -130,6 +139,15 @@ def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -
             if stop():
                 return
         yield as_record(summaries, env=config.model_dump(mode="json"), shield=shield, seed=run.seed)
+
+
+def _driver(folder: StudyFolder, run: Run, env: HighwayVectorEnv) -> Driver:
+    """Return what a training has led to, or the driver of a method without one."""
+    method = folder.study.methods[run.method]
+    if method.driver is not None:
+        return load_driver(method.driver, env, method.parameters)
+    trained = folder.run(run)
+    return load_policy(trained, env) if method.ppo is None else load_driver(str(trained.root / MODEL), env)
 
 
 def _network_digests(config: NetworkConfig) -> dict[str, str]:
@@ -164,9 +182,10 @@ def _recording_digests(recordings: Sequence[str]) -> dict[str, str]:
     return {f"recording {source.name}": digest(list(source.files)) for source in sources}
 
 
-def _maker() -> dict[str, Any]:
-    """Return the machine and the versions that made a result."""
-    return {"machine": processors(), "python": platform.python_version(), "packages": versions()}
+def _maker(*packages: str) -> dict[str, Any]:
+    """Return the machine and the versions that made a result, those of further `packages` among them."""
+    found = versions() | {name: metadata.version(name) for name in packages}
+    return {"machine": processors(), "python": platform.python_version(), "packages": found}
 
 
 def versions() -> dict[str, str]:

@@ -28,7 +28,7 @@ def test_presets_are_what_the_paper_compares(name: str) -> None:
 
 def test_the_benchmark_sets_learnt_drivers_beside_others() -> None:
     preset = preset_study("benchmark")
-    assert set(study_presets()) == {"benchmark", "full", "paper", "paper-code", "smoke"}
+    assert set(study_presets()) == {"benchmark", "benchmark-beside", "full", "paper", "paper-code", "smoke"}
     assert {method.driver for method in preset.methods.values()} == {None, "keep", "always-change", "mobil"}
     assert preset.baseline == "keep"
     for run in preset.runs[: len(preset.methods)]:
@@ -212,6 +212,9 @@ def test_a_driver_is_tested_and_not_trained() -> None:
         ({"driver": "keep", "train": {"episodes": 3}}, "driver keep is not trained: train may hold env only"),
         ({"driver": "keep", "parameters": {"a": 1}}, "driver keep: a: Extra inputs are not permitted"),
         ({"parameters": {"a": 1}}, "parameters are those of a driver"),
+        ({"driver": "keep", "ppo": {}}, "driver keep is not trained: leave out ppo"),
+        ({"ppo": {}, "train": {"method": "dqn"}}, "ppo: it chooses among what is offered"),
+        ({"ppo": {"epochs": 0}}, "ppo.epochs: Input should be greater than or equal to 1"),
     ],
 )
 def test_drivers_that_no_study_can_have(method: dict[str, Any], message: str) -> None:

@@ -1,5 +1,7 @@
 """The tasks as they are: a tiny study from end to end, and what its results depend on."""
 
+import importlib.util
+import sys
 from pathlib import Path
 
 import pytest
@@ -82,6 +84,50 @@ def test_a_driver_takes_part_in_a_study_without_being_trained(tmp_path: Path) ->
     assert results.tests["method"].tolist() == ["keep", "keep", "mine", "mine"]
     assert results.tests.loc[results.tests["method"] == "keep", "lane_changes"].sum() == 0
     assert "| keep |" in (out / "report" / "report.md").read_text()
+
+
+PPO = {
+    **TINY,
+    "sweeps": {},
+    "train": {"episodes": 3, "env": {"track_length": 60.0}},
+    "methods": {"ppo": {"label": "PPO", "ppo": {"steps": 16, "batch_size": 16, "epochs": 1}}},
+}
+
+
+@pytest.mark.skipif(importlib.util.find_spec("sb3_contrib") is None, reason="the extra sb3")
+def test_masked_ppo_takes_part_in_a_study(tmp_path: Path) -> None:
+    study, training = make_study(PPO, "test"), Task(Run("ppo", 0))
+    folder = StudyFolder.prepare(tmp_path / "study", study, {"command": "drlsl study", **inputs_of(study)})
+    perform(folder.root, training, lambda: True)
+    assert not folder.is_done(training), "stopped"
+    for task in study.tasks:
+        perform(folder.root, task, lambda: False)
+        assert folder.is_done(task)
+    assert "sb3-contrib" in folder.result(training)["packages"]
+    results = collect(folder)
+    assert (len(results.training), results.missing) == (3, [])
+    assert results.tests["shield"].tolist() == ["off", "on"]
+    assert results.tests["contacts_at_fault"].tolist()[1] == 0
+
+
+def test_a_study_with_masked_ppo_needs_a_package_before_anything_is_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    (tmp_path / "ppo.yaml").write_text(str(PPO))
+    out = tmp_path / "study"
+    assert run(["study", "--config", str(tmp_path / "ppo.yaml"), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "drlsl: masked PPO needs sb3-contrib, which is missing: pip install 'drlsl[sb3]'"
+    ]
+    assert not out.exists()
+
+
+def test_what_stands_beside_the_benchmark_can_be_added_to_it() -> None:
+    beside, benchmark = preset_study("benchmark-beside"), preset_study("benchmark")
+    assert beside.extends(benchmark)
+    assert set(beside.methods) - set(benchmark.methods) == {"oracle", "ppo"}
+    assert beside.tests == benchmark.tests
 
 
 @pytest.mark.slow

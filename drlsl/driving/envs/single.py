@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 import gymnasium
@@ -120,6 +121,16 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         if self._decisions is None:
             raise RuntimeError("reset the environment before asking for its action mask")
         return np.asarray(self._decisions.action_mask[0])
+
+    def get_state(self) -> dict[str, Any]:
+        """Return the state of the environment between two steps, in arrays and plain types."""
+        return self.world.get_state()
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Take over what `get_state` gave in an environment of the same configuration."""
+        self.world.set_state(state)
+        self._decisions = self.world.decisions
+        self.np_random = self.world.rngs[0]
 
     def scene(self) -> Scene:
         """Return the last scene that the rules were asked about."""
