@@ -1,4 +1,4 @@
-"""Write docs/benchmark.json and the tables of docs/benchmark.md from a finished study.
+"""Write docs/benchmark.json, benchmark.png and the tables of docs/benchmark.md from a finished study.
 
     python scripts/benchmark_page.py STUDY_FOLDER [DOCS_FOLDER]
 
@@ -6,6 +6,7 @@ What stands in docs/benchmark.md above the marker is written by people and kept.
 """
 
 import json
+import shutil
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -56,11 +57,13 @@ def _cell(value: Any, form: str) -> str:
 
 
 def main(study: str, docs: str = str(DOCS)) -> None:
-    """Write both files."""
-    results = collect(StudyFolder.open(Path(study)))
+    """Write the three files; the picture is that of the study's report."""
+    folder = StudyFolder.open(Path(study))
+    results = collect(folder)
     labels = {name: method.label for name, method in results.study.methods.items()}
     on, off = benchmark(results), benchmark(results, "off")
     Path(docs, "benchmark.json").write_text(json.dumps(on, indent=1) + "\n", encoding="utf-8")
+    shutil.copyfile(folder.report / "figures" / "outcome.png", Path(docs, "benchmark.png"))
     page = Path(docs, "benchmark.md")
     text = page.read_text(encoding="utf-8") if page.exists() else "# Benchmark\n\n"
     parts = [text.partition(MARKER)[0].rstrip(), MARKER]
