@@ -54,13 +54,10 @@ class LogicVectorShield(VectorWrapper[Any, Any, Any], RecordConstructorArgs):
     ) -> None:
         """Wrap `env`; the parameters are those of `LogicShield`, but for `facts` and `tier`.
 
-        Args:
-            env: the vector environment.
-            rules, actions, fallback, ask, reasons, mode, schema, limits, penalty: see `LogicShield`.
-            facts: returns the facts of all N states, given the vector environment without its wrappers: a
-                mapping for each, or one whose values are `Rows` of arrays (`ManyFacts`); `of_each` makes
-                such a function of one for a single environment.
-            tier: auto (Numba where it is installed), interpreter, scalar, numpy, numba, torch.
+        `facts` returns the facts of all N states, given the vector environment without its wrappers: a
+        mapping for each, or one whose values are `Rows` of arrays (`ManyFacts`); `of_each` makes such a
+        function of one for a single environment. `tier` is auto (Numba where it is installed), interpreter,
+        scalar, numpy, numba or torch.
 
         Raises:
             UserError: as `LogicShield` does.
