@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from drlsl.driving.scene import (
     facts_of,
     road_facts,
 )
-from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, default_rules, query_of
+from drlsl.driving.shield import ACTIONS, FREE, SPEED, STATE, Shield, default_rules, query_of
 from drlsl.files import cache_folder
 from drlsl.logic import Engine
 from drlsl.lowering.backends import BatchProgram, Rows, TextProgram, compile_numpy, compile_scalar
@@ -43,13 +43,15 @@ _LEAST_TIME: Final = 0.05
 
 Speeds = dict[str, dict[str, Any]]
 Ask = Callable[[Facts], object]
+Asked = TypeVar("Asked")
 
 
 def rule_speeds(runs: int) -> Speeds:
     """Return times of this machine, now, for highway.pl: medians of `runs` runs.
 
     `one_scene_ms`: by tier and number of vehicles, replacing the facts of a scene and running the four
-    queries; by SWI-Prolog, too, if it is on the path (swipl) or in this process (pyswip).
+    queries; by SWI-Prolog, too, if it is on the path (swipl) or in this process (pyswip). `decide` is a whole
+    `Shield.decide` on the scalar tier, all questions asked and answers checked.
     `batch_us_per_scene`: by tier, 256 scenes with 40 vehicles, their arrays ready.
     """
     engine = Engine()
@@ -58,11 +60,14 @@ def rule_speeds(runs: int) -> Speeds:
     lowered = lower(engine, SCHEMA, QUERIES)
     scalar = compile_scalar(lowered)
     tiers: list[tuple[str, Ask]] = [("interpreter", _interpreter(engine)), ("scalar", scalar), *_pyswip()]
+    shield = Shield.default(tier="scalar")
     one_scene: dict[str, dict[str, float]] = {}
     for vehicles in VEHICLES:
-        facts = [facts_of(scene) for scene in random_scenes(_SCENES, vehicles)]
+        told = random_scenes(_SCENES, vehicles)
+        facts = [facts_of(scene) for scene in told]
         for name, ask in tiers:
             one_scene.setdefault(name, {})[str(vehicles)] = 1e3 * _seconds_each(ask, facts, runs)
+        one_scene.setdefault("decide", {})[str(vehicles)] = 1e3 * _seconds_each(shield.decide, told, runs)
         if swipl := shutil.which("swipl"):
             one_scene.setdefault("swipl", {})[str(vehicles)] = _swipl_milliseconds(swipl, facts, runs)
     scenes = random_scenes(BATCH, 40)
@@ -140,10 +145,10 @@ def array_facts(scenes: SceneBatch, program: BatchProgram[Any]) -> dict[tuple[st
     return facts
 
 
-def _seconds_each(ask: Ask, scenes: Sequence[Facts], runs: int) -> float:
+def _seconds_each(ask: Callable[[Asked], object], scenes: Sequence[Asked], runs: int) -> float:
     def ask_all() -> None:
-        for facts in scenes:
-            ask(facts)
+        for one in scenes:
+            ask(one)
 
     return median_seconds(ask_all, runs) / len(scenes)
 

@@ -33,6 +33,7 @@ ROWS: Sequence[tuple[str, str, str]] = (
     ("speed, mean [m/s]", "mean_speed", ".2f"),
     ("return, mean", "mean_return", ".1f"),
     ("interventions", "interventions", ".2%"),
+    ("steps not offered", "not_offered", "d"),
     ("fail-safe steps", "fail_safe", "d"),
     ("headway, 5 % below [s]", "headway_5", ".2f"),
     ("headway, median [s]", "headway_50", ".2f"),

@@ -119,7 +119,7 @@ def _draw(shield: Shield, scene: Scene, path: Path) -> None:
     check_picture_path(path)
     with failures_as_errors():
         decision = shield.decide(scene)
-        unsafe = objections(shield, decision)
+        unsafe = objections(shield, scene, decision)
         reason = speed_reason(shield, scene, decision.target_speed)
     save_picture(draw_decision(scene, decision, unsafe, reason), path)
 
@@ -208,7 +208,7 @@ def _print_decision(shield: Shield, scene: Scene, *, as_json: bool) -> None:
 
     with failures_as_errors():
         decision = shield.decide(scene)
-        unsafe, sections = objections(shield, decision), busy_sections(shield)
+        unsafe, sections = objections(shield, scene, decision), busy_sections(shield, scene)
     if as_json:
         print(
             to_json(

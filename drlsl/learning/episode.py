@@ -77,6 +77,8 @@ class EpisodeSummary:
     reward_lost_speed: float = 0.0
     reward_comfort: float = 0.0
     reward_jerk: float = 0.0
+    not_offered: int = 0
+    """Steps in which an action was asked for that was not offered, as the environment tells."""
     measures: EpisodeMeasures | None = None
     """None if the environment takes none."""
 
@@ -97,8 +99,9 @@ _COUNTED = (
     "interventions",
     "fail_safe",
     *_OTHER_TERMS,
+    "not_offered",
 )
-"""Quantities that a tally adds up in every episode; a state of before there were other terms lacks these."""
+"""Quantities that a tally adds up in every episode; an older state lacks the last of them."""
 
 
 class EpisodeTally:
@@ -124,6 +127,7 @@ class EpisodeTally:
         rows["offered"] += offered.sum(axis=1)
         rows["interventions"] += intervened
         rows["fail_safe"] += info["fail_safe"]
+        rows["not_offered"] += np.logical_not(info["offered"])
 
     def summary(self, index: int, info: Mapping[str, Any]) -> EpisodeSummary:
         """Close an episode with the info of its last step."""
@@ -143,6 +147,7 @@ class EpisodeTally:
             mask_size=sums["offered"] / sums["steps"],
             interventions=int(sums["interventions"]),
             fail_safe=int(sums["fail_safe"]),
+            not_offered=int(sums["not_offered"]),
             measures=measures_of(info["measures"], index) if "measures" in info else None,
         )
 

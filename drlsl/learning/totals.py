@@ -32,6 +32,8 @@ class Totals:
     mean_return: float
     interventions: float
     """Share of steps in which the action of highest value was not one the rules derive to be safe."""
+    not_offered: int
+    """Steps in which an action was asked for that was not offered: 0 with the shield on."""
     fail_safe: int
     """Steps in which the shield fell back to its fail-safe."""
     at_fault_per_1000_km: float | None
@@ -85,6 +87,7 @@ def totals(summaries: Sequence[EpisodeSummary]) -> Totals:
         mean_speed=sum(item.mean_speed * item.steps for item in summaries) / steps,
         mean_return=float(np.mean([item.total_return for item in summaries])),
         interventions=interventions / steps,
+        not_offered=sum(item.not_offered for item in summaries),
         fail_safe=sum(item.fail_safe for item in summaries),
         at_fault_per_1000_km=_rate(at_fault, kilometres / 1000),
         excused_per_1000_km=_rate(excused, kilometres / 1000),

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite, isnan
+from numbers import Integral, Rational, Real
 from typing import Any, Final, TypeAlias, Union
 
 from drlsl.logic.errors import representation_error
@@ -238,10 +239,12 @@ def _simple_term(value: Any, known: dict[str, Var], allow_nan: bool) -> Term:
 
 
 def to_atomic(value: Any) -> Term:
-    """Return a `str`, `int` or `float`, or a value of a class derived from them, as an atomic term.
+    """Return a `str`, `int` or `float` as an atomic term, or a value of a class derived from or like them.
+
+    Like them are the numbers of NumPy, which Python counts among the integral and the real ones.
 
     Raises:
-        TypeError: It has another type; a bool is refused, too, since Prolog has none.
+        TypeError: It has another type; a bool is refused, too, since Prolog has none, and a fraction.
         ValueError: It is NaN.
     """
     if isinstance(value, Atom):
@@ -250,12 +253,13 @@ def to_atomic(value: Any) -> Term:
         return Atom(str(value))
     if isinstance(value, bool):
         raise TypeError(f"Prolog has no booleans: {value!r}; use an atom such as 'true', or 0 and 1")
-    if isinstance(value, int):
+    if isinstance(value, Integral):
         return int(value)
-    if isinstance(value, float):
-        if isnan(value):
+    if isinstance(value, Real) and not isinstance(value, Rational):
+        number = float(value)
+        if isnan(number):
             raise ValueError("NaN is not a value: it would make every comparison fail")
-        return float(value)
+        return number
     raise TypeError(f"expected a str, an int or a float, got {type(value).__name__}: {value!r}")
 
 

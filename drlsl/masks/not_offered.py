@@ -64,7 +64,7 @@ def settle(
     offered = masks[everyone, asked].astype(np.bool_)
     if free is not None:
         offered |= free
-    taken = asked.astype(np.int64, copy=False)
+    taken = asked.astype(np.int64)
     if offered.all():
         return Settled(taken, offered)
     if mode == "raise":

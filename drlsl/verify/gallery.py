@@ -44,7 +44,7 @@ def _decision(request: Request, scene: Scene) -> tuple[str, dict[str, str]]:
     try:
         shield = Shield.from_files(request.rules)
         decision = shield.decide(scene)
-        against = objections(shield, decision)
+        against = objections(shield, scene, decision)
     except (UserError, RuleFailure, PrologError, LimitExceeded) as error:
         return f"the rules give no answer: {error}", {}
     offered = ", ".join(action.atom for action in decision.safe_actions)

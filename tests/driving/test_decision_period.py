@@ -40,9 +40,11 @@ def test_a_decision_is_its_frames(
     single.reset(seed=seed)
     for action in actions:
         total, terms, changed, entered = 0.0, dict.fromkeys(CONFIG.reward.single_terms, 0.0), False, False
+        asked: dict[str, Any] = {}
         for frame in range(frames):
             step = single.step(action if frame == 0 else Action.LANE_KEEPING)
             weight, info = discount ** (frame / frames), step[4]
+            asked = asked or {key: info[key] for key in ("offered", "taken")}
             total += weight * step[1]
             terms = {name: terms[name] + weight * info["rewards"][name] for name in terms}
             changed |= info["lane_change"]
@@ -53,7 +55,8 @@ def test_a_decision_is_its_frames(
         assert np.array_equal(mine[0], step[0])
         assert mine[1] == pytest.approx(total)
         assert mine[2:4] == step[2:4]
-        expected = {**info, "rewards": pytest.approx(terms), "lane_change": changed, "entered": entered}
+        expected = {**info, **asked, "rewards": pytest.approx(terms)}
+        expected |= {"lane_change": changed, "entered": entered}
         assert {**mine[4], "action_mask": 0} == {**expected, "action_mask": 0}
         assert np.array_equal(mine[4]["action_mask"], info["action_mask"])
         assert np.array_equal(held.action_masks(), single.action_masks())

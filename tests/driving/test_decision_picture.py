@@ -60,7 +60,7 @@ SCENES = {
 def drawn(scene: Scene, program: str = "highway.pl") -> tuple[Figure, dict[Action, list[Objection]]]:
     shield = Shield.from_files([program])
     decision = shield.decide(scene)
-    unsafe = objections(shield, decision)
+    unsafe = objections(shield, scene, decision)
     return draw_decision(scene, decision, unsafe, speed_reason(shield, scene, decision.target_speed)), unsafe
 
 
@@ -202,7 +202,7 @@ def test_vehicles_that_any_reason_names_have_its_colour(reason: str) -> None:
     engine.consult_text("\n".join([*USABLE.values(), f"objection(left_lane_change, {reason})."]))
     shield, scene = Shield(engine), SCENES["two that object"]
     decision = shield.decide(scene)
-    figure = draw_decision(scene, decision, objections(shield, decision))
+    figure = draw_decision(scene, decision, objections(shield, scene, decision))
     coloured = [patch for patch in figure.axes[0].patches if same_color(patch.get_facecolor(), FOCUS_COLOUR)]
     assert len(coloured) == 1
     legend = {text.get_text() for text in figure.legends[0].get_texts()}

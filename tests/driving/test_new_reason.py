@@ -57,7 +57,7 @@ def test_one_clause_says_what_is_offered_and_why_not(shields: dict[str, Shield])
             [True, False, True],
         ]
     shield = shields["interpreter"]
-    unsafe = objections(shield, shield.decide(more))
+    unsafe = objections(shield, more, shield.decide(more))
     assert [one.words() for one in unsafe[Action.LEFT_LANE_CHANGE]] == ["closes in fast: sports_car, 8.1"]
     proof = shield.engine.explain("safe_actions(left_lane_change)")
     assert not proof.holds

@@ -45,7 +45,7 @@ def test_a_reason_of_any_form(reason: str, expected: Objection, as_json: dict[st
     engine = Engine()
     engine.consult_text("\n".join([*USABLE.values(), f"objection(left_lane_change, {reason})."]))
     shield = Shield(engine)
-    found = objections(shield, shield.decide(SCENE))
+    found = objections(shield, SCENE, shield.decide(SCENE))
     assert found == {Action.LEFT_LANE_CHANGE: [expected], Action.RIGHT_LANE_CHANGE: []}
     assert expected.as_json() == as_json
 
@@ -57,14 +57,14 @@ def test_a_reason_without_a_name_is_refused(reason: str, shown: str) -> None:
     shield = Shield(engine)
     decision = shield.decide(SCENE)
     with pytest.raises(UserError, match=f"{shown}.* as a reason against left_lane_change; expected a name"):
-        objections(shield, decision)
+        objections(shield, SCENE, decision)
 
 
 def test_an_objection_that_takes_no_action_away_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     engine = Engine()
     engine.consult_text("\n".join([*USABLE.values(), "objection(lane_keeping, icy_road(bridge))."]))
     shield = Shield(engine)
-    assert Action.LANE_KEEPING not in objections(shield, shield.decide(SCENE))
+    assert Action.LANE_KEEPING not in objections(shield, SCENE, shield.decide(SCENE))
     assert caplog.messages == ["the rules offer lane_keeping in spite of an objection: icy road: bridge"]
 
 
@@ -76,7 +76,7 @@ def test_the_nearest_vehicle_comes_first() -> None:
     )
     engine.consult_text("\n".join([*USABLE.values(), rules]))
     shield = Shield(engine)
-    found = objections(shield, shield.decide(SCENE))[Action.LEFT_LANE_CHANGE]
+    found = objections(shield, SCENE, shield.decide(SCENE))[Action.LEFT_LANE_CHANGE]
     assert [objection.details or objection.vehicle for objection in found] == [("a",), ("z",), "b", "a"]
 
 

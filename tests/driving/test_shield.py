@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from drlsl.driving.explain import busy_sections, objections
 from drlsl.driving.scene import EGO, Action, Scene, SceneBatch, Vehicle
-from drlsl.driving.shield import LIMITS, RuleFailure, Shield
+from drlsl.driving.shield import LIMITS, Decision, RuleFailure, Shield
 from drlsl.driving.shield.decision import fail_safe_speed
+from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.errors import UserError
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError, PrologSyntaxError
 from tests.installed import TIERS
@@ -109,9 +111,10 @@ def refusal(asked: Shield) -> str:
 @pytest.mark.parametrize("tier", ["interpreter", "scalar", "numpy"])
 def test_a_failing_program_is_loud_and_on_the_road_brakes(changes: dict[str, str], tier: str) -> None:
     failing = shield(tier, **changes)
-    with pytest.raises(RuleFailure):
+    refused = refusal(failing)
+    with pytest.raises(UserError if refused and tier != "interpreter" else RuleFailure):
         failing.decide(SCENE)
-    if refused := refusal(failing):
+    if refused:
         misfits = "state/1 gives a list of 2; expected 10", "state/1 gives no number as front; expected 10"
         not_run = () if tier == "interpreter" else (f"the {tier} tier cannot run these rules",)
         assert any(reason in refused for reason in (*misfits, *not_run))
@@ -151,7 +154,7 @@ def test_a_number_that_is_none_is_never_overlooked(tier: str, field: str, who: s
     scene = Scene(SCENE.road, ego, (other,), 2)
     tested = SHIELDS["highway.pl", tier]
     with pytest.raises(RuleFailure):
-        SHIELDS["highway.pl", "interpreter"].decide(scene)
+        tested.decide(scene)
     decisions = tested.decide_batch(SceneBatch.of([SCENE, scene]))
     assert set(decisions.failures) == {1}
     assert decisions.action_mask[1].tolist() == [True, False, False]
@@ -212,6 +215,45 @@ def test_every_tier_answers_as_the_interpreter_does(program: str, tier: str, sce
     assert decisions.lane_to_keep[1] == decision.lane_to_keep
     assert not decisions.failures
     assert tested.entries_are_safe(batch)[1] == interpreter.entry_is_safe(scene)
+    alone = tested.decide(scene)
+    assert sorted(alone.safe_actions) == sorted(decision.safe_actions)
+    assert replace(alone, safe_actions=decision.safe_actions) == decision
+    assert tested.entry_is_safe(scene) == interpreter.entry_is_safe(scene)
+
+
+@pytest.mark.parametrize("tier", ["scalar", "numpy", "numba", "auto"])
+def test_one_scene_is_decided_by_the_tier_that_was_given(tier: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The interpreter is for what the tier leaves undecided, and then it is asked."""
+    given_tier = Shield.default(tier=tier)
+    expected = given_tier.decide(SCENE)
+    asked: list[Scene] = []
+    interpreted = Interpreter.decide_scene
+
+    def noted(self: Interpreter, scene: Scene) -> Decision:
+        asked.append(scene)
+        return interpreted(self, scene)
+
+    monkeypatch.setattr(Interpreter, "decide_scene", noted)
+    monkeypatch.setattr(Interpreter, "entry_is_safe", None)
+    assert given_tier.decide(SCENE) == expected
+    assert given_tier.entry_is_safe(SCENE)
+    assert asked == []
+    beyond = replace(SCENE, ego=SCENE.ego._replace(x=2e15))
+    given_tier.decide(beyond)
+    assert asked == [beyond]
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_reasons_are_of_the_scene_that_is_asked_about(tier: str) -> None:
+    """A tier other than the interpreter leaves the engine's facts as they were."""
+    asked = Shield.default(tier=tier)
+    alongside = Vehicle("v1", 1, 0.0, 1.75, 30.0, 0.0, 4.6, 1.9)
+    crowded = replace(SCENE, vehicles=(alongside,))
+    for scene, there in ((crowded, True), (SCENE, False), (crowded, True)):
+        found = objections(asked, scene, asked.decide(scene))
+        blamed = [one.vehicle for against in found.values() for one in against]
+        assert ("v1" in blamed) == there
+        assert any(busy_sections(asked, scene).values()) == there
 
 
 @given(scene=scenes())
@@ -249,15 +291,27 @@ def test_numbers_of_other_types_are_the_same_scene(program: str) -> None:
         assert (decisions.action_mask == decisions.action_mask[0]).all()
 
 
+@pytest.mark.parametrize("tier", TIERS)
 @pytest.mark.parametrize(
     ("field", "value"), [("lane", 2.0), ("lane", True), ("x", "40"), ("vx", True), ("length", 10**400)]
 )
-def test_a_value_of_another_kind_is_refused_by_name(field: str, value: object) -> None:
+def test_a_value_of_another_kind_is_refused_by_name(tier: str, field: str, value: object) -> None:
     scene = replace(SCENE, ego=SCENE.ego._replace(**{field: value}))  # type: ignore[arg-type]  # the mistake
     with pytest.raises(RuleFailure, match=f"{field} of vehicle/8 is"):
-        shield().decide(scene)
+        SHIELDS["highway.pl", tier].decide(scene)
     with pytest.raises((TypeError, ValueError), match=f"{field} of vehicle/8 is"):
         SceneBatch.of([scene])
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_a_lane_to_steer_for_is_an_integer(tier: str) -> None:
+    wrong = replace(SCENE, target_lane=2.0)  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(RuleFailure, match=r"target_lane/1 is 2\.0; expected an integer"):
+        SHIELDS["highway.pl", tier].decide(wrong)
+    with pytest.raises(TypeError, match=r"target_lane/1 is 2\.0; expected an integer"):
+        SceneBatch.of([wrong])
+    same = replace(SCENE, target_lane=np.int8(2))  # type: ignore[arg-type]  # it is an integer
+    assert SHIELDS["highway.pl", tier].decide(same) == SHIELDS["highway.pl", tier].decide(SCENE)
 
 
 def test_a_lane_beyond_64_bits_has_no_place_in_a_batch() -> None:

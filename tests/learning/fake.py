@@ -42,6 +42,7 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
     def step(self, action: int) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         if not self.action_space.contains(action):
             raise ValueError(f"no action {action}")
+        offered = bool(self._mask()[action])
         self._lane += (0, -1, 1)[action]
         off_road = not 0 <= self._lane < LANES
         contact = not off_road and self._gap(self._lane) < SPEED
@@ -55,7 +56,7 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
         }
         terminated = contact or off_road
         truncated = not terminated and self._x >= self._length
-        info = self._info(rewards, changed=action != 0, contact=contact, off_road=off_road)
+        info = self._info(rewards, changed=action != 0, contact=contact, off_road=off_road, offered=offered)
         return self._observation(), sum(rewards.values()), terminated, truncated, info
 
     def action_masks(self) -> NDArray[np.bool_]:
@@ -88,7 +89,13 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
         return np.array([*gaps, 1, 1, 1, 1, 1, lane, 0.7], np.float32)
 
     def _info(
-        self, rewards: dict[str, float], *, changed: bool, contact: bool, off_road: bool
+        self,
+        rewards: dict[str, float],
+        *,
+        changed: bool,
+        contact: bool,
+        off_road: bool,
+        offered: bool = True,
     ) -> dict[str, Any]:
         info = {
             "action_mask": self._mask(),
@@ -101,6 +108,7 @@ class FakeHighway(gymnasium.Env[NDArray[np.float32], int]):
             "distance": self._x,
             "target_speed": SPEED,
             "fail_safe": False,
+            "offered": offered,
         }
         return info | ({"contact_reason": "ran into a standing car"} if contact else {})
 

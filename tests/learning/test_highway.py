@@ -32,7 +32,9 @@ def test_train_and_eval_in_recorded_traffic(
     assert run(["eval", out, "--episodes", "2", "--json", "--track-length", "30"]) == 0
     on, off = json.loads(capsys.readouterr().out)["evaluations"]
     assert (on["shield"], off["shield"]) == ("on", "off")
-    assert on["totals"]["off_road"] == on["totals"]["fail_safe"] == 0
+    assert on["totals"]["off_road"] == on["totals"]["fail_safe"] == on["totals"]["not_offered"] == 0
+    asked = sum(round(item["interventions"]) for item in off["per_episode"])
+    assert off["totals"]["not_offered"] == asked  # without the shield, it gets what it prefers
     assert all(math.isfinite(item["total_return"]) for item in on["per_episode"] + off["per_episode"])
 
 

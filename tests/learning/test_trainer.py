@@ -233,6 +233,7 @@ class Corridor(gymnasium.Env[np.ndarray, np.int64]):
             "off_road": False,
             "at_fault": False,
             "fail_safe": False,
+            "offered": True,
             "speed": 0.0,
             "distance": 0.0,
         }

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -63,6 +68,13 @@ def test_facts_without_arguments(engine: Engine) -> None:
         ([1], TypeError),
         (1j, TypeError),
         (b"a", TypeError),
+        (np.True_, TypeError),
+        (np.array(1), TypeError),
+        (np.array([1]), TypeError),
+        (np.complex128(1), TypeError),
+        (Fraction(1, 3), TypeError),
+        (Decimal(1), TypeError),
+        (np.float32("nan"), ValueError),
         (Compound("f", (1,)), TypeError),
         (float("nan"), ValueError),
     ],
@@ -72,6 +84,25 @@ def test_values_that_are_no_facts_are_refused(engine: Engine, value: object, err
     with pytest.raises(error):
         engine.replace_facts("p", 2, [("a", 1), ("b", value)])  # type: ignore[list-item]  # what is tested
     assert values(engine, "p(X, _)") == ["kept"]
+
+
+@pytest.mark.parametrize(
+    ("given_value", "made"),
+    [
+        (np.int64(3), 3),
+        (np.int8(-3), -3),
+        (np.uint64(2**64 - 1), 2**64 - 1),
+        (np.float64(0.5), 0.5),
+        (np.float32(0.5), 0.5),
+        (np.float16("inf"), float("inf")),
+        (np.str_("a"), "a"),
+    ],
+)
+def test_numbers_of_numpy_are_numbers(engine: Engine, given_value: Any, made: object) -> None:
+    engine.replace_facts("p", 1, [(given_value,)])
+    (found,) = values(engine, "p(X)")
+    assert found == made
+    assert type(found) is type(made)
 
 
 @pytest.mark.parametrize("row", [(), ("a",), ("a", 1, 2)])

@@ -117,7 +117,9 @@ def test_large_floats_that_a_column_may_hold_are_decided_one_by_one() -> None:
         ("float", 3, 3.0),
         ("float", np.float32(0.5), 0.5),
         ("float", np.int64(4), 4.0),
+        ("float", np.float16(0.5), 0.5),
         ("int", np.int64(3), 3),
+        ("int", np.uint8(3), 3),
         ("atom", np.str_("left"), "left"),
     ],
 )
@@ -132,6 +134,11 @@ def test_what_conforms(kind: Kind, value: object, made: object) -> None:
     [
         ("float", True, TypeError),
         ("float", "3.5", TypeError),
+        ("float", b"3.5", TypeError),
+        ("float", np.True_, TypeError),
+        ("float", np.array([3.5]), TypeError),
+        ("int", np.True_, TypeError),
+        ("int", np.float64(3.0), TypeError),
         ("float", None, TypeError),
         ("float", 10**400, ValueError),
         ("int", 3.0, TypeError),

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from drlsl import masks
 from drlsl.driving.config import EnvConfig
+from drlsl.driving.envs.settings import the_config
 from drlsl.driving.rendering import RENDER_MODES, Renderer
-from drlsl.driving.scene import Action, Scene, one_action
+from drlsl.driving.scene import ATOMS, Action, Scene, one_action
 from drlsl.driving.shield import Decisions, ObservationSpace, Shield
 from drlsl.driving.simulation import (
     StepResult,
@@ -20,19 +22,34 @@ from drlsl.driving.simulation import (
     frames_per_decision,
     load_playbacks,
 )
+from drlsl.masks import Mode, Settled, check_mode, settle
 
 Observation: TypeAlias = npt.NDArray[np.float32]
 
+ENV_MODES: Final[tuple[Mode, ...]] = ("mask", "replace", "raise")
+"""What an environment can do with an action that was not offered."""
 
-class HighwayEnv(gymnasium.Env[Observation, np.int64]):
+FALLBACK: Final = Action.LANE_KEEPING
+"""What is driven in the place of an action that was not offered, in the mode `replace`."""
+
+NOT_TAKEN: Final = -1
+"""`info["taken"]` where an episode begins."""
+
+
+class HighwayEnv(gymnasium.Env[Any, np.int64]):
     """Drive a recorded highway: observation float32 (S,), actions `Action`.
 
     The rules say what is observed, and within which bounds (`shield.observation`).
 
-    `info` of reset and step holds `action_mask` int8 (3,), `rewards` (the weighted terms), `lane_change`,
-    `contact`, `at_fault`, `contact_reason`, `off_road`, `entered`, `speed` [m/s], `distance` [m],
-    `target_speed` [m/s] and `fail_safe` with `fail_safe_reason`. Terminated on a contact or off the road,
-    truncated at the end of the track. The mask is offered, not enforced.
+    `info` of reset and step holds `action_mask` int8 (3,), `offered` (whether the action asked for was),
+    `taken` (the action that was driven, `NOT_TAKEN` after a reset), `rewards` (the weighted terms),
+    `lane_change`, `contact`, `at_fault`, `contact_reason`, `off_road`, `entered`, `speed` [m/s], `distance`
+    [m], `target_speed` [m/s] and `fail_safe` with `fail_safe_reason`. Terminated on a contact or off the
+    road, truncated at the end of the track.
+
+    The mask is offered, not enforced, unless `mode` is `replace` (keep the lane instead) or `raise`. With a
+    `mask_format` other than gymnasium's, observation and info are as that library wants them
+    (`drlsl.masks.FORMATS`).
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012  (Gymnasium declares it so)
@@ -44,6 +61,8 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         shield: Shield | None = None,
         discount: float = 1.0,
         render_mode: str | None = None,
+        mode: Mode = "mask",
+        mask_format: str = "gymnasium",
         **settings: Any,
     ) -> None:
         """Make the environment of `config`, or of `settings`, fields of `EnvConfig`.
@@ -53,9 +72,13 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         `rgb_array` makes `render` return the last one of a decision.
 
         Raises:
-            UserError: the recording, the rules or the render mode cannot be used.
+            TypeError: there is no such setting.
+            UserError: a setting has a value that it cannot have, or the recording, the rules or the render
+                mode cannot be used.
         """
-        self.config = config if config is not None else EnvConfig(**settings)
+        self.config: EnvConfig = the_config(type(self).__name__, config, settings, _KEYWORDS)
+        self._mode = check_mode(mode, ENV_MODES)
+        self._format = masks.mask_format(mask_format)
         self.shield = shield or Shield.from_files(
             self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
         )
@@ -63,8 +86,8 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         self._frames = frames_per_decision(self.config.decision_period, self.world.playbacks)
         self._discount = discount
         self._terms = self.config.reward.single_terms
-        self.observation_space = observation_box(self.shield.observation)
         self.action_space = gymnasium.spaces.Discrete(len(Action))
+        self.observation_space = self._format.space(observation_box(self.shield.observation), len(Action))
         self._decisions: Decisions | None = None
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": render_rate(self.world, self._frames)}
@@ -72,33 +95,37 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; with a seed, the episode is a function of the seed."""
         super().reset(seed=seed, options=options)
         self.world.reset([0], [self.np_random])
         if self._renderer is not None:
             self._renderer.watch(None)
-        return self._observe(self.world.decisions), self._info(self.world.decisions, None)
+        return self._told(self.world.decisions, None, Settled(_NONE, _YES))
 
-    def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.int64 | int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive one decision: a recorded frame, or those of `decision_period`.
 
         Raises:
             TypeError, ValueError: the action is not an `Action`; nothing is driven.
+            ActionNotOffered: in the mode `raise`, the action was not offered; nothing is driven.
         """
+        asked, offered = np.array([one_action(action)]), self.world.decisions.action_mask
+        settled = settle(asked, offered, self._mode, fallback=FALLBACK, names=ATOMS)
         result = drive_decision(
             self.world,
-            [one_action(action)],
+            settled.taken,
             frames=self._frames,
             discount=self._discount,
             watch=None if self._renderer is None else self._renderer.watch,
         )
+        observation, info = self._told(result.decisions, result, settled)
         return (
-            self._observe(result.decisions),
+            observation,
             float(result.reward[0]),
             bool(result.terminated[0]),
             bool(result.truncated[0]),
-            self._info(result.decisions, result),
+            info,
         )
 
     def render(self) -> npt.NDArray[np.uint8] | None:
@@ -136,15 +163,20 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
         """Return the last scene that the rules were asked about."""
         return self.world.scene(0)
 
-    def _observe(self, decisions: Decisions) -> Observation:
+    def _told(
+        self, decisions: Decisions, result: StepResult | None, settled: Settled
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return the observation and the info, in the format of the library."""
         self._decisions = decisions
-        return np.asarray(decisions.observation[0], dtype=np.float32)
+        observation = np.asarray(decisions.observation[0], dtype=np.float32)
+        return self._format.one(observation, self._info(decisions, result, settled), decisions.action_mask[0])
 
-    def _info(self, decisions: Decisions, result: StepResult | None) -> dict[str, Any]:
+    def _info(self, decisions: Decisions, result: StepResult | None, settled: Settled) -> dict[str, Any]:
         contact = result.contacts.get(0) if result is not None else None
         failures = result.failures if result is not None else decisions.failures
         return {
-            "action_mask": decisions.action_mask[0].astype(np.int8),
+            "offered": bool(settled.offered[0]),
+            "taken": int(settled.taken[0]),
             "rewards": {term: float(result.rewards[term][0]) if result else 0.0 for term in self._terms},
             "lane_change": bool(result.changed[0]) if result else False,
             "contact": contact is not None,
@@ -158,6 +190,13 @@ class HighwayEnv(gymnasium.Env[Observation, np.int64]):
             "fail_safe": 0 in failures,
             "fail_safe_reason": failures.get(0, ""),
         }
+
+
+_KEYWORDS: Final = ("config", "shield", "discount", "mode", "mask_format", "render_mode")
+"""What the environment takes besides the settings."""
+
+_NONE: Final = np.array([NOT_TAKEN])
+_YES: Final = np.array([True])
 
 
 class Spaces(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -12,10 +12,12 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from drlsl import masks
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.single import observation_box, render_rate
+from drlsl.driving.envs.settings import the_config
+from drlsl.driving.envs.single import ENV_MODES, FALLBACK, NOT_TAKEN, observation_box, render_rate
 from drlsl.driving.rendering import RGB_ARRAY, Renderer
-from drlsl.driving.scene import Action, SceneBatch
+from drlsl.driving.scene import ATOMS, Action, SceneBatch, several_actions
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation import (
     Playback,
@@ -27,17 +29,18 @@ from drlsl.driving.simulation import (
     load_playbacks,
 )
 from drlsl.errors import UserError
+from drlsl.masks import Mode, Settled, check_mode, settle
 from drlsl.traffic import Floats, Integers, Mask
 
 Observations: TypeAlias = npt.NDArray[np.float32]
 
 
-class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
+class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
     """N highways driven together: observations float32 (N, S), actions (N,).
 
     Sub-environment i equals, to the bit, a `HighwayEnv` with the same configuration and seed. `info` holds
     the same keys, as arrays with a first axis of N, each with a mask beside it (`speed`, `_speed`), as in
-    Gymnasium: `action_mask` is int8 (N, 3).
+    Gymnasium: `action_mask` is int8 (N, 3). `mode` and `mask_format` are those of `HighwayEnv`, too.
 
     All autoreset modes of Gymnasium are supported: NEXT_STEP, SAME_STEP with `final_obs` and `final_info`,
     and DISABLED with `options={"reset_mask": mask}` of `reset`.
@@ -56,6 +59,8 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         discount: float = 1.0,
         measured: bool = False,
         render_mode: str | None = None,
+        mode: Mode = "mask",
+        mask_format: str = "gymnasium",
         **settings: Any,
     ) -> None:
         """Make `num_envs` environments of one `config`, or of `settings`, or one for each of several configs.
@@ -66,10 +71,13 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         up to now (`drlsl.driving.simulation.Measures`). `render_mode` is `rgb_array`, or None.
 
         Raises:
-            UserError: a recording, the rules or the render mode cannot be used, or the configurations do not
-                fit together.
+            TypeError: there is no such setting.
+            UserError: a setting has a value that it cannot have, a recording, the rules or the render mode
+                cannot be used, or the configurations do not fit together.
         """
-        configs = _configs(config if config is not None else EnvConfig(**settings), num_envs)
+        configs = _configs(the_config(type(self).__name__, config, settings, _KEYWORDS), num_envs)
+        self._mode = check_mode(mode, ENV_MODES)
+        self._format = masks.mask_format(mask_format)
         self.config = configs[0]
         self.num_envs = len(configs)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -86,8 +94,10 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self._frames = frames_per_decision(self.config.decision_period, self.world.playbacks)
         self._discount = discount
         self._decisions: Decisions | None = None
-        self.single_observation_space = observation_box(self.shield.observation)
         self.single_action_space = gymnasium.spaces.Discrete(len(Action))
+        self.single_observation_space = self._format.space(
+            observation_box(self.shield.observation), len(Action)
+        )
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._terms = self.config.reward.single_terms
@@ -99,16 +109,18 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self.metadata |= {"render_fps": render_rate(self.world, self._frames)}
         self._renderer = None if render_mode is None else Renderer(render_mode, self.world, (RGB_ARRAY,))
         self._no_reason = _constant(self.num_envs, "")
+        self._not_taken = np.full(self.num_envs, NOT_TAKEN)
+        self._not_taken.setflags(write=False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copy; arrays shared between infos stay read-only."""
         vars(self).update(state)
-        for shared in (self._all, self._nothing, self._no_reason):
+        for shared in (self._all, self._nothing, self._no_reason, self._not_taken):
             shared.setflags(write=False)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode in every environment, or in those that `options["reset_mask"]` marks.
 
         Environment i takes the seed + i, or the i-th of several seeds.
@@ -124,32 +136,44 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         self.world.reset(places, [self._rngs[index] for index in places])
         self._over &= ~asked
         self._decisions = self.world.decisions
-        return self._observations(), self._info(None, asked)
+        return self._told(self._info(None, asked))
 
     def step(
         self, actions: npt.NDArray[np.integer] | Sequence[int]
-    ) -> tuple[Observations, Floats, Mask, Mask, dict[str, Any]]:
+    ) -> tuple[Any, Floats, Mask, Mask, dict[str, Any]]:
         """Drive one decision in every environment: a recorded frame, or those of `decision_period`.
 
         Raises:
             ResetNeeded: autoreset is disabled and an episode is over.
             TypeError, ValueError: `actions` are not N valid actions; nothing is driven.
+            ActionNotOffered: in the mode `raise`, an action was not offered; nothing is driven.
         """
         again: list[int] = np.flatnonzero(self._over).tolist() if self._over.any() else []
         if again and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise gymnasium.error.ResetNeeded(f"the episodes of {again} are over: reset them first")
         restarts = {index: self._rngs[index] for index in again}
-        result = drive_decision(self.world, actions, restarts, frames=self._frames, discount=self._discount)
+        settled = settle(
+            several_actions(actions, self.num_envs),
+            self.world.decisions.action_mask,
+            self._mode,
+            fallback=FALLBACK,
+            names=ATOMS,
+            free=self._over if again else None,
+        )
+        result = drive_decision(
+            self.world, settled.taken, restarts, frames=self._frames, discount=self._discount
+        )
         self._decisions = result.decisions
         if self._renderer is not None:
             self._renderer.watch(result)
         over = result.terminated | result.truncated
-        info = self._info(result, self._all, began=again)
+        info = self._info(result, self._all, settled, began=again)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
             info = self._reset_within(over, info)
         else:
             self._over = over
-        return self._observations(), result.reward, result.terminated, result.truncated, info
+        observations, info = self._told(info)
+        return observations, result.reward, result.terminated, result.truncated, info
 
     def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:
         """Return a picture of every environment, uint8 (400, 1200, 3), in the mode `rgb_array`; else None."""
@@ -224,7 +248,17 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         """Return the decisions of the last reset or step."""
         return self.world.decisions if self._decisions is None else self._decisions
 
-    def _info(self, result: StepResult | None, told: Mask, began: Sequence[int] = ()) -> dict[str, Any]:
+    def _told(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Return the observations and the info, in the format of the library."""
+        return self._format.many(self._observations(), info, self._latest().action_mask)
+
+    def _info(
+        self,
+        result: StepResult | None,
+        told: Mask,
+        settled: Settled | None = None,
+        began: Sequence[int] = (),
+    ) -> dict[str, Any]:
         """Return the info of the environments that `told` marks; without a result, as after a reset."""
         decisions, world, nothing = self._latest(), self.world, self._nothing
         contact, at_fault, reason = nothing, nothing, self._no_reason
@@ -248,6 +282,8 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         rewards = result.rewards if result else dict.fromkeys(self._terms, np.zeros(self.num_envs))
         columns: dict[str, Any] = {
             "action_mask": decisions.action_mask.astype(np.int8),
+            "offered": told if settled is None else settled.offered,
+            "taken": self._not_taken if settled is None else _taken(settled, began),
             "rewards": _with_masks(rewards, told),
             "lane_change": result.changed if result else nothing,
             "contact": contact,
@@ -264,6 +300,13 @@ class HighwayVectorEnv(VectorEnv[Observations, Integers, npt.NDArray[Any]]):
         if world.measures is not None:
             columns["measures"] = _with_masks(world.measures.as_columns(), told)
         return _with_masks(columns, told)
+
+
+_KEYWORDS: Final = (
+    *("config", "num_envs", "autoreset_mode", "shield", "playbacks", "discount", "measured", "mode"),
+    *("mask_format", "render_mode"),
+)
+"""What the environment takes besides the settings."""
 
 
 def make_vec(
@@ -303,6 +346,15 @@ def _constant(count: int, value: bool | str) -> npt.NDArray[Any]:
     result = np.full(count, value, dtype=np.bool_ if isinstance(value, bool) else object)
     result.setflags(write=False)
     return result
+
+
+def _taken(settled: Settled, began: Sequence[int]) -> Integers:
+    """Return the actions that were driven; where an episode began, none was."""
+    if not began:
+        return settled.taken
+    taken = settled.taken.copy()
+    taken[list(began)] = NOT_TAKEN
+    return taken
 
 
 def _with_masks(columns: dict[str, Any], told: Mask) -> dict[str, Any]:

@@ -89,11 +89,15 @@ class SpeedReason:
         return f"{printable(self.vehicle)} decides it; without it {self.without:.2f} m/s"
 
 
-def objections(shield: Shield, decision: Decision) -> dict[Action, list[Objection]]:
-    """Return the objections to every action that `decision` does not offer: see `objections_to`.
+def objections(shield: Shield, scene: Scene, decision: Decision) -> dict[Action, list[Objection]]:
+    """Return the objections to every action that `decision` does not offer in `scene`: see `objections_to`.
 
     An objection to an action that is offered all the same is logged as a warning.
+
+    Raises:
+        RuleFailure, PrologError, UserError: see `Shield.state_facts` and `objections_to`.
     """
+    shield.state_facts(scene)
     found = objections_to(shield, Action)
     for action in decision.safe_actions:
         for objection in found.pop(action):
@@ -120,14 +124,16 @@ def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, lis
     return {action: sorted(set(found), key=_urgency) for action, found in unsafe.items()}
 
 
-def busy_sections(shield: Shield) -> dict[str, BusySection | None]:
-    """Return the nearest vehicle of each section in the last scene, None for a free section.
+def busy_sections(shield: Shield, scene: Scene) -> dict[str, BusySection | None]:
+    """Return the nearest vehicle of each section in `scene`, None for a free section.
 
     Queries `busy_section(Section, Car, Gap)`; a program that does not define it has no busy section.
 
     Raises:
+        RuleFailure: see `Shield.state_facts`.
         PrologError: the rules raised an error.
     """
+    shield.state_facts(scene)
     nearest: dict[str, BusySection | None] = dict.fromkeys(SECTIONS)
     if shield.engine.defines("busy_section", 3):
         for solution in shield.engine.query("busy_section(Section, Car, Gap)", limits=LIMITS):

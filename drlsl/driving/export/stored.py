@@ -48,6 +48,6 @@ def decide_all(program: RuleProgram, scenes: Iterable[Scene]) -> list[StoredDeci
 def _decide(program: RuleProgram, scene: Scene) -> StoredDecision:
     try:
         decision = program.shield.decide(scene)
-        return StoredDecision(scene, decision, objections(program.shield, decision))
+        return StoredDecision(scene, decision, objections(program.shield, scene, decision))
     except (RuleFailure, PrologError, LimitExceeded):
         return StoredDecision(scene, None, {})

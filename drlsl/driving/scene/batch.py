@@ -57,6 +57,7 @@ class SceneBatch(Boxes):
             TypeError, ValueError: a lane is not an integer of 64 bits, or another value not a number.
         """
         roads: dict[Road, int] = {}
+        targets = SCHEMA.relations["target_lane", 1].conform((scene.target_lane,) for scene in scenes)
         road = [roads.setdefault(scene.road, len(roads)) for scene in scenes]
         conform = SCHEMA.relations["vehicle", 8].conform
         rows = [conform((scene.ego, *scene.in_range())) for scene in scenes]
@@ -76,7 +77,7 @@ class SceneBatch(Boxes):
             numbers,
             roads=tuple(roads),
             road=np.array(road),
-            target_lane=np.array([scene.target_lane for scene in scenes]),
+            target_lane=np.array([lane for (lane,) in targets]),
             id=ids,
             lane=lane,
             valid=valid,

@@ -23,7 +23,7 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, decision_of, usable
+from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, RuleFailure, decision_of, usable
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import (
     ACTIONS,
@@ -37,13 +37,13 @@ from drlsl.driving.shield.questions import (
     STATE,
     Question,
 )
-from drlsl.driving.shield.tier import SceneTier, Undecidable
+from drlsl.driving.shield.tier import SceneTier, Undecidable, told
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.terms import NIL, Struct
 from drlsl.lowering.backends import BatchAnswer, BatchProgram, Rows, compile_scalar
 from drlsl.lowering.frontend import Lowered, Query, array_forms, lower
-from drlsl.lowering.ir import Bag, Node, NotLowerable, Relation, Sym, emitted, resolve
+from drlsl.lowering.ir import Bag, Node, NotLowerable, Relation, Sym, Undecided, emitted, resolve
 from drlsl.traffic import Mask
 
 _NUMBERS: Final = frozenset({"int", "float", "number"})
@@ -111,8 +111,9 @@ class ScalarTier(SceneTier):
 
     def _facts(self, scene: Scene) -> Facts:
         if scene.road is not self._road:
-            self._road, self._road_facts = scene.road, road_facts(scene.road)
-        return {**self._road_facts, **scene_facts(scene)}
+            self._road_facts = told(road_facts(scene.road))
+            self._road = scene.road
+        return {**self._road_facts, **told(scene_facts(scene))}
 
 
 class ArrayTier:
@@ -140,6 +141,30 @@ class ArrayTier:
         self._actions = [action_of_atom(atom) for atom in answers.choices[query_of(ACTIONS)]]
         self._answers = _Program(answers)
         self._entry = _Program(compile_program(lower(engine, SCHEMA, [query_of(ENTRY)])))
+
+    def decide_scene(self, scene: Scene) -> Decision:
+        """Return the decision about `scene`, a batch of one.
+
+        Raises:
+            RuleFailure: a value of the scene is of another kind than its fact has.
+            Undecided: only the interpreter can tell.
+        """
+        decisions, undecided = self.decide(_alone(scene))
+        if undecided:
+            raise Undecided
+        return decisions.one(0)
+
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Return whether the ego may enter where `scene` places it.
+
+        Raises:
+            RuleFailure: a value of the scene is of another kind than its fact has.
+            Undecided: only the interpreter can tell.
+        """
+        (safe,), undecided = self.entries_are_safe(_alone(scene))
+        if undecided:
+            raise Undecided
+        return safe
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
@@ -169,6 +194,18 @@ class ArrayTier:
         """Return whether the ego may enter where each scene places it."""
         (entry,), undecided = self._entry(scenes)
         return entry.value.tolist(), np.flatnonzero(undecided).tolist()
+
+
+def _alone(scene: Scene) -> SceneBatch:
+    """Return the batch of one scene.
+
+    Raises:
+        RuleFailure: a value of it is of another kind than its fact has.
+    """
+    try:
+        return SceneBatch.of([scene])
+    except (TypeError, ValueError) as error:
+        raise RuleFailure(f"a fact cannot be told to the rules: {error}") from error
 
 
 def _of_a_decision(engine: Engine) -> list[Question]:
@@ -249,7 +286,7 @@ class _Program:
         return answers, _numpy(result.undecided)
 
     def _facts(self, scenes: SceneBatch) -> dict[tuple[str, int], Any]:
-        if scenes.roads is not self._roads:
+        if scenes.roads != self._roads:
             self._roads, self._road_rows = scenes.roads, self._rows_of(scenes.roads)
         names = None
         if self._reads_names:

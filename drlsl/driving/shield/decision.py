@@ -32,10 +32,10 @@ class RuleFailure(Exception):
 class Decision:
     """The rules' decision about one scene.
 
-    `safe_actions` in the order derived, never empty; `target_speed` [m/s] >= 0; `observation`: numbers within
-    the bounds of `Shield.observation`; `front_is_free`; `lane_to_keep`: the lane that lane keeping steers
-    for; `comfortable_acceleration` [m/s²]: what a comfortable driver wants, `NO_WISH` if the rules do not
-    say.
+    `safe_actions` in the order derived, of array tiers by index, never empty; `target_speed` [m/s] >= 0;
+    `observation`: numbers within the bounds of `Shield.observation`; `front_is_free`; `lane_to_keep`: the
+    lane that lane keeping steers for; `comfortable_acceleration` [m/s²]: what a comfortable driver wants,
+    `NO_WISH` if the rules do not say.
     """
 
     safe_actions: tuple[Action, ...]
@@ -83,6 +83,17 @@ class Decisions:
             lane_to_keep=np.zeros(count, dtype=np.int64),
             comfortable_acceleration=np.full(count, NO_WISH),
             failures={},
+        )
+
+    def one(self, index: int) -> Decision:
+        """Return the decision about one of the scenes."""
+        return Decision(
+            safe_actions=tuple(action for action in Action if self.action_mask[index, action]),
+            target_speed=float(self.target_speed[index]),
+            observation=tuple(self.observation[index].tolist()),
+            front_is_free=bool(self.front_is_free[index]),
+            lane_to_keep=int(self.lane_to_keep[index]),
+            comfortable_acceleration=float(self.comfortable_acceleration[index]),
         )
 
     def put(self, index: int, decision: Decision, failure: str = "") -> None:

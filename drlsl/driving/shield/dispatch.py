@@ -1,4 +1,4 @@
-"""The choice of the tier that answers for many scenes."""
+"""The choice of the tier that answers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any, Final
 
-from drlsl.driving.scene import SceneBatch
+from drlsl.driving.scene import Scene, SceneBatch
 from drlsl.driving.shield.compiled import ArrayTier, ScalarTier, check_state
-from drlsl.driving.shield.decision import Decisions
+from drlsl.driving.shield.decision import Decision, Decisions
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.tier import Tier, Undecidable
 from drlsl.errors import UserError
@@ -51,6 +51,25 @@ class BySize:
         self.name = many.name
         self._few = few
         self._many = many
+
+    def decide_scene(self, scene: Scene) -> Decision:
+        """Return the decision about `scene`.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: the rules offer an action that the agent does not know.
+            Undecided: only the interpreter can tell.
+        """
+        return self._few.decide_scene(scene)
+
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Return whether the ego may enter where `scene` places it.
+
+        Raises:
+            RuleFailure: the rules raised an error.
+            Undecided: only the interpreter can tell.
+        """
+        return self._few.entry_is_safe(scene)
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""

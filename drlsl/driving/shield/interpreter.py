@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from drlsl.driving.scene import SCHEMA, Road, Scene, road_facts, scene_facts
+from drlsl.driving.scene import Road, Scene, road_facts, scene_facts
 from drlsl.driving.shield.decision import NO_WISH, Decision, RuleFailure, decision_of
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import (
@@ -18,7 +18,7 @@ from drlsl.driving.shield.questions import (
     STATE,
     Question,
 )
-from drlsl.driving.shield.tier import SceneTier
+from drlsl.driving.shield.tier import SceneTier, told
 from drlsl.logic import Engine, LimitExceeded, Limits, PrologError
 
 
@@ -83,10 +83,10 @@ class Interpreter(SceneTier):
         if scene.road is not self._road:
             facts |= road_facts(scene.road)
         self._road = None
-        for (name, arity), rows in facts.items():
+        for (name, arity), rows in told(facts).items():
             try:
-                self.engine.replace_facts(name, arity, SCHEMA.relations[name, arity].conform(rows))
-            except (TypeError, ValueError) as error:
+                self.engine.replace_facts(name, arity, rows)
+            except ValueError as error:
                 raise RuleFailure(f"the fact {name}/{arity} cannot be asserted: {error}") from error
         self._road = scene.road
 

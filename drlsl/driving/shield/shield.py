@@ -19,6 +19,7 @@ from drlsl.driving.shield.observation import ObservationSpace, declared_observat
 from drlsl.driving.shield.questions import QUESTIONS
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits
+from drlsl.lowering.ir import Undecided
 from drlsl.shield import consult_rules
 
 if TYPE_CHECKING:
@@ -37,8 +38,9 @@ class Shield:
     def __init__(self, engine: Engine, *, tier: str = "interpreter", seconds: float | None = None) -> None:
         """Check the program that `engine` has consulted.
 
-        The interpreter decides one scene, `tier` decides many. `LIMITS`, and `seconds` [s] if given, bound
-        one query of the interpreter; beyond them the rules count as having failed.
+        `tier` decides one scene and many; a scene that it leaves undecided goes to the interpreter. `LIMITS`,
+        and `seconds` [s] if given, bound one query of the interpreter; beyond them the rules count as having
+        failed.
 
         Raises:
             UserError: a required predicate is missing, a clause is about an action that the agent does not
@@ -99,7 +101,7 @@ class Shield:
         return cls(engine, tier=tier, seconds=seconds)
 
     def with_tier(self, tier: str) -> Shield:
-        """Return a shield of the same program with another tier for batches; the two take turns.
+        """Return a shield of the same program with another tier; the two take turns.
 
         Raises:
             UserError: the tier cannot run the program.
@@ -136,19 +138,27 @@ class Shield:
 
         Raises:
             RuleFailure: the rules gave no usable answer.
-            UserError: the rules offer an action that the agent does not know.
+            UserError: the tier cannot run the program, or the rules offer an action that the agent does not
+                know.
         """
         with self.lock:
-            return self._interpreter.decide_scene(scene)
+            try:
+                return self._tier_for_one().decide_scene(scene)
+            except Undecided:
+                return self._interpreter.decide_scene(scene)
 
     def entry_is_safe(self, scene: Scene) -> bool:
         """Return whether the ego may enter where `scene` places it.
 
         Raises:
             RuleFailure: the rules raised an error.
+            UserError: the tier cannot run the program.
         """
         with self.lock:
-            return self._interpreter.entry_is_safe(scene)
+            try:
+                return self._tier_for_one().entry_is_safe(scene)
+            except Undecided:
+                return self._interpreter.entry_is_safe(scene)
 
     def decide_batch(self, scenes: SceneBatch) -> Decisions:
         """Return the decision about each of N scenes; if the rules fail, the fail-safe, marked as such.
@@ -176,7 +186,7 @@ class Shield:
             return answers
 
     def prepare(self) -> None:
-        """Compile the rules for the tier for batches, which their first use does otherwise.
+        """Compile the rules for the tier, which their first use does otherwise.
 
         Raises:
             UserError: the tier cannot run the program, or its `state/1` gives other numbers than it declares.
@@ -186,7 +196,7 @@ class Shield:
 
     @property
     def tier(self) -> str:
-        """The tier for batches: interpreter, scalar, numpy, numba or torch.
+        """The tier: interpreter, scalar, numpy, numba or torch.
 
         Raises:
             UserError: the requested tier cannot run the program.
@@ -204,6 +214,10 @@ class Shield:
         """
         with self.lock:
             self._interpreter.state_facts(scene)
+
+    def _tier_for_one(self) -> Tier:
+        """Return the tier for one scene; for the interpreter nothing else is loaded, so a query is light."""
+        return self._interpreter if self._requested_tier == self._interpreter.name else self._tier()
 
     def _tier(self) -> Tier:
         if self._chosen_tier is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from drlsl.driving.scene import Scene
+from drlsl.driving.scene import SCHEMA, Facts, Scene
 from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure, fail_safe
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.lowering.ir import Undecided
@@ -24,11 +24,40 @@ class Tier(Protocol):
     def name(self) -> str:
         """The name: interpreter, scalar, numpy, numba or torch."""
 
+    def decide_scene(self, scene: Scene) -> Decision:
+        """Return the decision about `scene`.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: the rules offer an action that the agent does not know.
+            Undecided: only the interpreter can tell.
+        """
+
+    def entry_is_safe(self, scene: Scene) -> bool:
+        """Return whether the ego may enter where `scene` places it.
+
+        Raises:
+            RuleFailure: the rules raised an error.
+            Undecided: only the interpreter can tell.
+        """
+
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
         """Return whether the ego may enter where each scene places it; False if the rules fail."""
+
+
+def told(facts: Facts) -> Facts:
+    """Return the facts of a scene with every value of its column's kind.
+
+    Raises:
+        RuleFailure: a value is of another kind than its fact has.
+    """
+    try:
+        return {key: SCHEMA.relations[key].conform(rows) for key, rows in facts.items()}
+    except (TypeError, ValueError) as error:
+        raise RuleFailure(f"a fact cannot be told to the rules: {error}") from error
 
 
 class SceneTier(ABC):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from operator import index
+from numbers import Integral, Real
 from typing import Any, Final, Literal, TypeAlias
 
 Kind: TypeAlias = Literal["atom", "int", "float"]
@@ -65,7 +65,11 @@ class Relation:
             TypeError: A value is of another kind: a float among integers, a bool, None.
             ValueError: A row has another length, or a number is too large for a float.
         """
-        return [self._conform_row(row) for row in rows]
+        exact = tuple(map(_TYPES.__getitem__, self.columns))
+        return [
+            row if isinstance(row, tuple) and tuple(map(type, row)) == exact else self._conform_row(row)
+            for row in rows
+        ]
 
     def _conform_row(self, row: Sequence[Any]) -> tuple[str | int | float, ...]:
         if len(row) != self.arity:
@@ -90,13 +94,13 @@ def _atom(value: Any) -> str:
 
 
 def _integer(value: Any) -> int:
-    if isinstance(value, bool):
+    if isinstance(value, bool) or not isinstance(value, Integral):
         raise TypeError
-    return index(value)
+    return int(value)
 
 
 def _float(value: Any) -> float:
-    if isinstance(value, bool | str):
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError
     return float(value)
 
@@ -106,6 +110,7 @@ _CONFORM: Final[dict[Kind, Callable[[Any], str | int | float]]] = {
     "int": _integer,
     "float": _float,
 }
+_TYPES: Final[dict[Kind, type]] = {"atom": str, "int": int, "float": float}
 _EXPECTED: Final = {"atom": "a name", "int": "an integer", "float": "a number"}
 
 

@@ -1,0 +1,55 @@
+"""The settings of an environment: a configuration or its fields, and errors that say what is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+
+from drlsl.driving.config import EnvConfig
+from drlsl.errors import UserError
+from drlsl.files import problem_text
+
+
+def config_of(who: str, settings: Mapping[str, Any], others: Sequence[str]) -> EnvConfig:
+    """Return the configuration with these settings, for the environment called `who`.
+
+    `others` are the keywords that it takes besides the fields of `EnvConfig`.
+
+    Raises:
+        TypeError: there is no such setting. Factories of other libraries try keywords that not every
+            environment has, and go on without them after a `TypeError` of these words.
+        UserError: a setting has a value that it cannot have.
+    """
+    known = [*EnvConfig.model_fields, *others]
+    for name in settings:
+        if name not in EnvConfig.model_fields:
+            (nearest,) = get_close_matches(name, known, n=1, cutoff=0.0)
+            raise TypeError(
+                f"{who}.__init__() got an unexpected keyword argument {name!r}; the nearest that it has is "
+                f"{nearest!r}"
+            )
+    try:
+        return EnvConfig(**settings)
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in problem["loc"])
+        raise UserError(f"{who}: {problem_text(problem, place, 'is not a setting')}") from error
+
+
+def the_config(who: str, config: Any, settings: Mapping[str, Any], others: Sequence[str]) -> Any:
+    """Return `config`, or the configuration with these settings if it is None.
+
+    Raises:
+        TypeError: there are both, or there is no such setting.
+        UserError: a setting has a value that it cannot have.
+    """
+    if config is None:
+        return config_of(who, settings, others)
+    if settings:
+        raise TypeError(
+            f"{who}.__init__() got a configuration and {', '.join(settings)}: put them into the configuration"
+        )
+    return config
