@@ -2,8 +2,10 @@ from .action_rules import ActionRules
 from .fact_batch import ManyFacts
 from .fact_forms import Facts
 from .offers import Counts, Offer, Offers
-from .rule_answers import Interpreter, RuleFailure
+from .rule_answers import Interpreter
+from .rule_failure import RuleFailure
 from .rule_files import consult_rules, rule_file, rules_folder
+from .tiers import array_compiler, choose_tier, fastest_for_many
 from .vector_wrapper import LogicVectorShield, of_each
 from .wrapper import LogicShield
 
@@ -18,7 +20,10 @@ __all__ = [
     "Offer",
     "Offers",
     "RuleFailure",
+    "array_compiler",
+    "choose_tier",
     "consult_rules",
+    "fastest_for_many",
     "of_each",
     "rule_file",
     "rules_folder",

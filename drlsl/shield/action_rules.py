@@ -24,7 +24,8 @@ from drlsl.shield.fact_batch import ManyFacts, count_of, facts_of_one
 from drlsl.shield.fact_forms import FactForms, Facts
 from drlsl.shield.offer_tiers import ArrayTier, BySize, Found, InterpretedTier, OfferTier, ScalarTier, States
 from drlsl.shield.offers import Counts, Offer, Offers
-from drlsl.shield.rule_answers import Interpreter, RuleFailure
+from drlsl.shield.rule_answers import Interpreter
+from drlsl.shield.rule_failure import RuleFailure
 from drlsl.shield.rule_files import Rules, loaded
 from drlsl.shield.tiers import ARRAY_TIERS, array_compiler, check_tier, choose_tier, fastest_for_many
 

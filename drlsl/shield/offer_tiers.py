@@ -16,7 +16,8 @@ from drlsl.lowering.frontend import Query, lower
 from drlsl.lowering.ir import NotLowerable, Schema, Undecided
 from drlsl.shield.fact_batch import ManyFacts, as_arrays, facts_of_one
 from drlsl.shield.fact_forms import FactForms, Facts
-from drlsl.shield.rule_answers import Interpreter, RuleFailure
+from drlsl.shield.rule_answers import Interpreter
+from drlsl.shield.rule_failure import RuleFailure
 from drlsl.shield.tiers import Compiler
 
 

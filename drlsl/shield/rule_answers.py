@@ -8,10 +8,7 @@ from typing import Any
 from drlsl.logic import Compound, Engine, LimitExceeded, Limits, PrologError, Solution, Variable
 from drlsl.lowering.frontend import Query
 from drlsl.lowering.ir import Schema
-
-
-class RuleFailure(Exception):
-    """The rules gave no usable answer: an error, an exhausted limit, no action, a number out of range."""
+from drlsl.shield.rule_failure import RuleFailure
 
 
 class Interpreter:

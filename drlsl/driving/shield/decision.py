@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows, taken_rows
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import COMFORT, LANE, SPEED, STATE
+from drlsl.shield import RuleFailure as RuleFailure  # the shield's surface has it, too
 
 if TYPE_CHECKING:
     from drlsl.traffic import Floats, Integers, Mask
@@ -22,10 +23,6 @@ NO_WISH: Final = math.inf
 
 FAIL_SAFE_ACTION: Final = Action.LANE_KEEPING
 """The only action of the fail-safe."""
-
-
-class RuleFailure(Exception):
-    """The rules gave no usable answer: an error, an exhausted limit, no action, a number out of range."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
 from functools import partial
-from importlib.util import find_spec
-from typing import Any, Final
+from typing import Final
 
+from drlsl import shield
 from drlsl.driving.scene import Scene, SceneBatch
 from drlsl.driving.shield.compiled import ArrayTier, ScalarTier, check_state
 from drlsl.driving.shield.decision import Decision, Decisions
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.tier import Tier, Undecidable
-from drlsl.errors import UserError
-from drlsl.files import cache_folder
-from drlsl.lowering.backends import BatchProgram, compile_numpy
-from drlsl.lowering.frontend import Lowered
-from drlsl.lowering.ir import NotLowerable
-
-_LOG: Final = logging.getLogger(__name__)
+from drlsl.shield import array_compiler, fastest_for_many
 
 FEW: Final = 8
 """Batches of fewer scenes are answered faster one scene at a time."""
@@ -33,15 +25,9 @@ def choose_tier(requested: str, interpreter: Interpreter) -> Tier:
             action or gives another number of observed numbers than it declares.
     """
     check_state(interpreter.engine, interpreter.observation)
-    if requested == "interpreter":
-        return interpreter
-    try:
-        return _fastest(interpreter) if requested == "auto" else _named(requested, interpreter)
-    except NotLowerable as problem:
-        if requested != "auto":
-            raise UserError(f"the {requested} tier cannot run these rules: {problem}") from problem
-        _LOG.warning("the rules run on the interpreter, which is slow: %s", problem)
-        return interpreter
+    lowered = partial(_lowered, interpreter)
+    reference: Tier = interpreter
+    return shield.choose_tier(requested, reference, lowered, partial(fastest_for_many, lowered, BySize))
 
 
 class BySize:
@@ -83,39 +69,8 @@ class BySize:
         return self._few if len(scenes) < FEW else self._many
 
 
-def _named(name: str, interpreter: Interpreter) -> Tier:
+def _lowered(interpreter: Interpreter, name: str) -> Tier:
     engine, observation = interpreter.engine, interpreter.observation
     if name == "scalar":
         return ScalarTier(engine, observation)
-    return ArrayTier(name, engine, observation, _compiler(name))
-
-
-def _fastest(interpreter: Interpreter) -> Tier:
-    """Return the Numba tier if Numba is installed, else NumPy's; both need a program that can be lowered."""
-    if find_spec("numba") is not None:
-        try:
-            return _named("numba", interpreter)
-        except ImportError as problem:
-            _LOG.warning("the rules run on the numpy tier, since numba does not load: %s", problem)
-    return BySize(_named("scalar", interpreter), _named("numpy", interpreter))
-
-
-def _compiler(name: str) -> Callable[[Lowered], BatchProgram[Any]]:
-    """Return the compiler of a tier's array programs; its library is loaded here.
-
-    Raises:
-        UserError: the library is not installed.
-    """
-    if name == "numpy":
-        return compile_numpy
-    if name == "torch":
-        if find_spec("torch") is None:
-            raise UserError("the torch tier needs PyTorch, which is missing: pip install 'drlsl[train]'")
-        from drlsl.lowering.backends import compile_torch
-
-        return compile_torch
-    if find_spec("numba") is None:
-        raise UserError("the numba tier needs numba, which is not installed: pip install 'drlsl[fast]'")
-    from drlsl.lowering.backends import compile_numba
-
-    return partial(compile_numba, folder=cache_folder() / "rules")
+    return ArrayTier(name, engine, observation, array_compiler(name))
