@@ -32,3 +32,14 @@ def test_a_training_is_tuned_and_the_study_continued(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stderr
         assert done.stdout.startswith(f"best of {trials}: trial-")
     assert [path.name for path in find_runs([tmp_path])] == ["trial-0", "trial-1"]
+
+
+def test_a_shielded_walk_does_not_fall() -> None:
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / "shield_cliff.py"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    words = done.stdout.split()
+    without, shielded = (int(words[words.index(word) - 1]) for word in ("without", "with"))
+    assert without > 100
+    assert shielded == 0
