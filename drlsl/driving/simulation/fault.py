@@ -237,13 +237,16 @@ class _Encounter:
         return self._surprised(float(self._gap()[0]), float(rear.speed[0]), BRAKING)
 
     def _appeared_beside(self) -> bool:
-        """Return whether the other appeared alongside while the ego moved towards it, unable to stop."""
+        """Return whether the other appeared alongside an ego that moved towards it and could not stop.
+
+        One that moves away has both the distance and the time.
+        """
         if len(self.ego.s) < 2 or self._gap()[0] > 0:
             return False
         offset = float(self.other.y[0] - self.ego.y[0])
         towards = float(np.sign(offset) * (self.ego.y[1] - self.ego.y[0])) / self.dt
         apart = abs(offset) - (self.ego.width + self.other.width) / 2
-        return towards > 0 and self._surprised(apart, towards, LATERAL_ACCELERATION_LIMIT)
+        return self._surprised(apart, towards, LATERAL_ACCELERATION_LIMIT)
 
     def _surprised(self, distance: float, speed: float, braking: float) -> bool:
         """Return whether there was neither the distance [m] nor, since the other appeared, the time to stop.
