@@ -152,7 +152,7 @@ def _source(tier: Tier, lowered: Lowered) -> str:
 
 @app.command()
 def export(
-    to: Annotated[Literal["js", "c"], typer.Option(help="The language.")],
+    to: Annotated[Literal["js", "c", "prolog"], typer.Option(help="The language.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="A new folder for the files.")],
     files: RuleFiles = None,
 ) -> None:

@@ -10,6 +10,7 @@ from typing import Final
 
 from drlsl.driving.export.c_files import c_files
 from drlsl.driving.export.js_files import js_files
+from drlsl.driving.export.prolog_files import prolog_files
 from drlsl.driving.export.rule_program import RuleProgram
 from drlsl.driving.export.scenes import draw_scenes
 from drlsl.driving.export.stored import StoredDecision, decide_all
@@ -36,6 +37,7 @@ class Format:
 FORMATS: Final = {
     "js": Format(js_files, "node check.mjs"),
     "c": Format(c_files, "cc -std=c99 -O2 rules.c check.c -lm -o check && ./check"),
+    "prolog": Format(prolog_files, "swipl -g drlsl_check -t halt rules.pl check.pl"),
 }
 """The languages by name."""
 
