@@ -100,6 +100,30 @@ def test_a_name_that_is_a_builtin_elsewhere_is_replaced_wherever_it_is_called() 
 
 
 @pytest.mark.parametrize(
+    "goal",
+    [
+        "aggregate_all(max(X, W), member(X-W, [1-a, 2-b, 2-c]), max(Y, Z))",
+        "aggregate_all(min(X, W), member(X-W, [3-a, 2-b, 2-c]), M), M = min(Y, Z)",
+        "aggregate_all(max(X), member(X, [1, 3, 2]), Y), Z = none",
+        "aggregate_all(sum(X), member(X, []), Y), aggregate_all(bag(X), member(X, [1, 1]), Z)",
+        "aggregate_all(count, member(_, [a, b]), Y), aggregate_all(count, fail, Z)",
+        "aggregate_all(max(X, W), member(X-W, []), max(Y, Z))",
+        "between(1, 3, Y), Y > 2, length([a, b], Z)",
+        "append(Y, Z, [1, 2])",
+        "min_list([2, 1], Y), max_list([2, 1.5], Z), memberchk(Z, [1, 2])",
+        "ignore(fail), forall(member(X, [1, 2]), X > 0), sum_list([1, 2.5], Y), Z = ok",
+    ],
+)
+def test_the_prelude_answers_as_the_library(goal: str) -> None:
+    engine, exported = Engine(), Engine()
+    engine.consult_text(f"p(Y, Z) :- {goal}.")
+    text = iso_text(engine)
+    assert "drlsl_" in text
+    exported.consult_text(text)
+    assert list(exported.query("p(Y, Z)")) == list(engine.query("p(Y, Z)"))
+
+
+@pytest.mark.parametrize(
     ("clause", "reason"),
     [
         ("p(X) :- atom_length(abc, X).", "atom_length/2 is neither of ISO Prolog nor in the prelude"),
