@@ -1,4 +1,4 @@
-"""Register the environments with Gymnasium, without importing it for users of the rules alone."""
+"""Register environments with Gymnasium and pictures with notebooks; import nothing that is not asked for."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
+from pkgutil import resolve_name
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 ENV_ID: Final = "drlsl/Highway-v0"
 
@@ -29,6 +30,21 @@ def _register() -> None:
         entry_point="drlsl.driving.envs.single:HighwayEnv",
         vector_entry_point="drlsl.driving.envs.vector:HighwayVectorEnv",
     )
+
+
+def register_with_ipython() -> None:
+    """Have a scene shown as a picture if this is a notebook.
+
+    The picture is drawn far above the room of scenes, so that the class itself cannot know it.
+    """
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is not None:
+        pictures = shell.display_formatter.formatters["image/png"]
+        pictures.for_type_by_name("drlsl.driving.scene.model", "Scene", _scene_png)
+
+
+def _scene_png(scene: Any) -> Any:
+    return resolve_name("drlsl.driving.explain:scene_png")(scene)
 
 
 class _WhenImported(MetaPathFinder):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -43,3 +45,28 @@ def test_a_shielded_walk_does_not_fall() -> None:
     without, shielded = (int(words[words.index(word) - 1]) for word in ("without", "with"))
     assert without > 100
     assert shielded == 0
+
+
+def test_a_notebook_shows_a_scene_a_decision_and_its_reasons() -> None:
+    nbformat = pytest.importorskip("nbformat", reason="nbclient and ipykernel are not installed")
+    nbclient = pytest.importorskip("nbclient", reason="nbclient and ipykernel are not installed")
+    notebook = nbformat.read(EXAMPLES / "explain_decision.ipynb", as_version=4)
+    nbclient.NotebookClient(notebook, resources={"metadata": {"path": str(EXAMPLES)}}).execute()
+    scene, decision, picture, proof, changed = (shown(cell) for cell in notebook.cells if shown(cell))
+    assert scene["image/png"].startswith("iVBOR")
+    assert picture["image/png"].startswith("iVBOR")
+    assert "<th>not offered</th><td>left_lane_change</td>" in decision["text/html"]
+    assert "<pre>safe_actions(left_lane_change) fails\n" in proof["text/html"]
+    assert "too_close(sports_car," in proof["text/html"]
+    assert "<th>not offered</th><td>none</td>" in changed["text/html"]
+
+
+def shown(cell: Any) -> dict[str, str]:
+    """What a cell of a notebook shows, by media type; nothing for words and for cells without a value."""
+    return {kind: text for output in cell.get("outputs", ()) for kind, text in output.get("data", {}).items()}
+
+
+def test_a_stored_notebook_holds_no_outputs() -> None:
+    for path in EXAMPLES.glob("*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)

@@ -1,6 +1,6 @@
 from .decision_picture import draw_decision
 from .dimension_line import Dimension, dimension
-from .drawing import check_picture_path, draw_scene, save_picture
+from .drawing import check_picture_path, draw_scene, save_picture, scene_png
 from .reasons import SECTIONS, BusySection, Objection, busy_sections, objections, objections_to, speed_reason
 
 __all__ = [
@@ -16,5 +16,6 @@ __all__ = [
     "objections",
     "objections_to",
     "save_picture",
+    "scene_png",
     "speed_reason",
 ]

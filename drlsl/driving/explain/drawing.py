@@ -6,6 +6,7 @@ import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -174,6 +175,13 @@ def save_picture(figure: Figure, path: str | Path) -> None:
         figure.savefig(path, dpi=150)
     except OSError as error:
         raise UserError(f"cannot write the picture {path}: {error.strerror}") from error
+
+
+def scene_png(scene: Scene) -> bytes:
+    """Return the picture of a scene as PNG, for notebooks."""
+    picture = BytesIO()
+    draw_scene(scene).savefig(picture, format="png", dpi=100)
+    return picture.getvalue()
 
 
 def check_picture_path(path: str | Path) -> None:

@@ -48,6 +48,21 @@ class Decision:
         keep, left, right = (int(action in self.safe_actions) for action in Action)
         return keep, left, right
 
+    def _repr_html_(self) -> str:
+        """Return the decision as a table, for notebooks."""
+        refused = [action for action in Action if action not in self.safe_actions]
+        rows = {
+            "offered": ", ".join(action.atom for action in self.safe_actions),
+            "not offered": ", ".join(action.atom for action in refused) or "none",
+            "target speed": f"{self.target_speed:.2f} m/s",
+            "the road ahead is free": "yes" if self.front_is_free else "no",
+            "lane to keep": str(self.lane_to_keep),
+        }
+        if self.comfortable_acceleration != NO_WISH:
+            rows["comfortable acceleration"] = f"{self.comfortable_acceleration:.2f} m/s²"
+        cells = "".join(f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in rows.items())
+        return f"<table>{cells}</table>"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:

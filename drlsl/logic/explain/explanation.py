@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any, Final, TypeAlias
 
 from drlsl.logic.conversion import to_plain
@@ -100,6 +101,10 @@ class Explanation:
 
     def __str__(self) -> str:
         return self.text()
+
+    def _repr_html_(self) -> str:
+        """Return the lines of text as they are, for notebooks."""
+        return f"<pre>{escape(self.text())}</pre>"
 
 
 def _lines(step: Step, depth: int) -> Iterator[str]:
