@@ -95,7 +95,7 @@ def test_the_networks_of_the_documentation_are_trained(
         assert run([*arguments, "--preset", "tiny", "--episodes", "1"]) == 0
 
 
-@pytest.mark.parametrize("program", sorted((ROOT / "rules").glob("*.pl")), ids=lambda path: path.name)
+@pytest.mark.parametrize("program", sorted((ROOT / "rules").rglob("*.pl")), ids=lambda path: path.name)
 def test_every_predicate_of_the_rules_has_a_header(program: Path) -> None:
     text = program.read_text(encoding="utf-8")
     comments = " ".join(re.findall(r"^%(.*)$", text, re.M))

@@ -40,7 +40,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_wheel_carries_rules_recordings_and_types(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
-    assert {f"drlsl/rules/{path.name}" for path in (ROOT / "rules").iterdir()} <= names
+    rules = {path.relative_to(ROOT) for path in (ROOT / "rules").rglob("*") if path.is_file()}
+    assert {f"drlsl/{path.as_posix()}" for path in rules} <= names
     assert {"drlsl/py.typed", "drlsl/logic/py.typed"} & names
     recordings = {path for path in (ROOT / "drlsl" / "traffic" / "recordings").rglob("*") if path.is_file()}
     assert {str(path.relative_to(ROOT)) for path in recordings} <= names

@@ -27,6 +27,7 @@ from drlsl.shield.offers import Counts, Offer, Offers
 from drlsl.shield.rule_answers import Interpreter
 from drlsl.shield.rule_failure import RuleFailure
 from drlsl.shield.rule_files import Rules, loaded
+from drlsl.shield.state_memory import StateMemory
 from drlsl.shield.tiers import ARRAY_TIERS, array_compiler, check_tier, choose_tier, fastest_for_many
 
 _LOG: Final = logging.getLogger(__name__)
@@ -58,11 +59,13 @@ class ActionRules:
         tier: str = "auto",
         schema: Schema | None = None,
         limits: Limits = LIMITS,
+        remember: int = 0,
     ) -> None:
         """Load the program and check it.
 
         Without a `schema` the facts are those of predicates that the program declares dynamic, and the first
-        facts tell the kinds of their columns.
+        facts tell the kinds of their columns. What `offer` and `objections` found for `remember`
+        states is kept, and given again for the same facts.
 
         Raises:
             UserError: the program cannot be loaded, does not define what is asked, or names an action that is
@@ -90,6 +93,8 @@ class ActionRules:
         self._query = Query(self._ask.name, 1, "set")
         self._why = Query(self._reasons.name, 2, "all")
         self._limits = limits
+        self._known: StateMemory[Offer] = StateMemory(remember)
+        self._known_reasons: StateMemory[Sequence[tuple[Any, ...]]] = StateMemory(remember)
         self._forms = FactForms(self._engine, schema)
         self._names: dict[int, str] = {}  # of integers in arrays
         self._states = States(self._place, len(self.actions), self._forms, self._names)
@@ -139,6 +144,9 @@ class ActionRules:
             elif not isinstance(facts, Mapping) or facts.keys() != self._forms.keys:
                 self._forms.check_keys(facts)
             self.counts.decisions += 1
+            key = self._known.key(facts)
+            if (known := self._known.get(key)) is not None:
+                return known
             try:
                 offered = self._decided(facts)
             except RuleFailure as failure:
@@ -147,7 +155,9 @@ class ActionRules:
                 return self._failed(_NOTHING)
             for name in offered:
                 self._place(name)
-            return Offer(tuple(offered))  # type: ignore[arg-type]  # `_place` refuses what is no name
+            offer = Offer(tuple(offered))  # type: ignore[arg-type]  # `_place` refuses what is no name
+            self._known.keep(key, offer)
+            return offer
 
     def offers(self, facts: ManyFacts) -> Offers:
         """Return the actions offered in each of N states.
@@ -256,6 +266,14 @@ class ActionRules:
             self._forms.check_keys(each)
 
     def _said(self, facts: Facts) -> Sequence[tuple[Any, ...]]:
+        key = self._known_reasons.key(facts)
+        solutions = self._known_reasons.get(key)
+        if solutions is None:
+            solutions = self._ask_why(facts)
+            self._known_reasons.keep(key, solutions)
+        return solutions
+
+    def _ask_why(self, facts: Facts) -> Sequence[tuple[Any, ...]]:
         if self._forms.schema is not None:
             if self._say is None:
                 self._say = self._sayer(self._forms.schema)

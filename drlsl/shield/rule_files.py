@@ -49,7 +49,7 @@ def consult_rules(engine: Engine, path: str | Path) -> None:
 
 def rule_file(path: str | Path) -> Path:
     """Return a rule file, or the program of this name that ships with the package."""
-    if Path(path).exists() or len(Path(path).parts) > 1:
+    if Path(path).exists() or Path(path).is_absolute():
         return Path(path)
     shipped = rules_folder() / path
     return shipped if shipped.is_file() else Path(path)

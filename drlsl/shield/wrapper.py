@@ -50,6 +50,7 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         schema: Schema | None = None,
         limits: Limits = LIMITS,
         penalty: float = PENALTY,
+        remember: int = 0,
     ) -> None:
         """Wrap `env`.
 
@@ -69,6 +70,8 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
                 facts tell the kinds of their columns.
             limits: of one decision by the interpreter.
             penalty: the reward that an action costs that was not offered, in the mode `penalise`.
+            remember: the number of states for which what the rules said is kept, and given again for the same
+                facts; for slow rules and few states, if the rules go by nothing but the facts.
 
         Raises:
             UserError: the rules cannot be loaded, do not define `ask` or name an unknown action, the actions
@@ -93,6 +96,7 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
             tier=tier,
             schema=schema,
             limits=limits,
+            remember=remember,
         )
         """The rules, which can be asked about any facts."""
         self._place_of = dict(zip(self._actions.names, self._actions.places, strict=True))

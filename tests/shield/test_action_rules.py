@@ -213,3 +213,58 @@ def test_the_tiers_offer_the_same(text: str, scenes: list[Any], inferred: bool) 
 @given(text=rule_texts(), scenes=st.lists(programs.facts(), min_size=1, max_size=12), inferred=st.booleans())
 def test_the_tiers_offer_the_same_in_many(text: str, scenes: list[Any], inferred: bool) -> None:
     check(text, scenes, inferred=inferred)
+
+
+COUNTING = """
+:- dynamic at/1.
+:- dynamic(asked/1).
+offered(Action) :- at(X), assertz(asked(X)), ( X < 3 -> member(Action, [keep, left]) ; Action = right ).
+objection(Action, nearby(X)) :- at(X), assertz(asked(X)), member(Action, [left, right]).
+"""
+
+
+def remembering(most: Any, text: str = COUNTING) -> ActionRules:
+    schema = Schema([Relation("at", ("int",))])
+    return ActionRules(
+        text, ACTIONS, fallback="keep", tier="interpreter", schema=schema, limits=LIMITS, remember=most
+    )
+
+
+def times_asked(rules: ActionRules) -> int:
+    return len(rules._engine.clauses("asked", 1))
+
+
+def test_what_the_rules_said_of_a_state_is_remembered() -> None:
+    rules, forgetful = remembering(2), remembering(0)
+    states = [{("at", 1): [(np.int64(place),)]} for place in (1, 5, 1, 1, 5)]
+    offers = [rules.offer(each) for each in states]
+    assert offers == [forgetful.offer(each) for each in states]
+    assert rules.counts.decisions == forgetful.counts.decisions == len(states)
+    assert (times_asked(rules), times_asked(forgetful)) == (2, len(states))
+    reasons = {action: [rules.objections(each, action) for each in states[:2]] for action in ACTIONS}
+    assert reasons == {"keep": [(), ()], "left": [("nearby(1)",), ("nearby(5)",)]} | {
+        "right": reasons["left"]
+    }
+    assert times_asked(rules) == 2 + 2
+
+
+def test_the_oldest_state_is_forgotten_first() -> None:
+    rules = remembering(2)
+    for place, asked in ((1, 1), (2, 2), (1, 2), (3, 3), (2, 3), (1, 4), (3, 4)):
+        rules.offer({("at", 1): [(place,)]})
+        assert times_asked(rules) == asked, place
+
+
+def test_a_failure_is_not_remembered_and_facts_that_fit_no_state_are_refused() -> None:
+    rules = remembering(5, ":- dynamic at/1.\noffered(keep) :- at(X), X > a.")
+    for times in (1, 2):
+        assert rules.offer({("at", 1): [(1,)]}).failure
+        assert rules.counts.fail_safes == times
+    with pytest.raises(UserError, match="facts do not fit"):
+        rules.offer({("at", 1): [([1],)]})
+
+
+@pytest.mark.parametrize("most", [-1, 1.5, "all", True, None])
+def test_how_much_is_remembered_is_checked(most: Any) -> None:
+    with pytest.raises(UserError, match=r"remember is .* expected a number of states"):
+        remembering(most)

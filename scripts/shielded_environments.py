@@ -1,0 +1,125 @@
+"""Print how a random policy fares in known environments, without and with the rules that ship for them.
+
+    python scripts/shielded_environments.py [--episodes 200] [ENVIRONMENT ...]
+
+The policy draws from all actions, or from those that are offered. Environments whose package is missing are
+left out, and told. The table is that of docs/shielded-environments.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+
+from drlsl import LogicShield
+from drlsl.shield.environments import shield_frozen_lake
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """An environment, its shield, and what counts.
+
+    `accident` and `arrival` tell of the reward and of the environment after a last step whether it was one.
+    """
+
+    make: Callable[[], gymnasium.Env[Any, Any]]
+    shield: Callable[[gymnasium.Env[Any, Any]], LogicShield]
+    accident: Callable[[float, Any], bool]
+    arrival: Callable[[float, Any], bool]
+    package: str = "gymnasium"
+
+
+@dataclass(slots=True)
+class Tally:
+    """What happened in some episodes; `seconds` of processor time in their steps."""
+
+    accidents: int = 0
+    arrivals: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+
+    def per_step(self) -> str:
+        """Return the milliseconds of a step."""
+        return f"{1000 * self.seconds / max(1, self.steps):.2f}"
+
+
+def _lake(size: str, *, slippery: bool) -> Case:
+    return Case(
+        partial(gymnasium.make, "FrozenLake-v1", map_name=size, is_slippery=slippery),
+        shield_frozen_lake,
+        accident=lambda _, lake: lake.desc.flat[lake.s] == b"H",
+        arrival=lambda reward, _: reward > 0,
+    )
+
+
+CASES: Final[Mapping[str, Case]] = {
+    "FrozenLake 4x4": _lake("4x4", slippery=False),
+    "FrozenLake 8x8": _lake("8x8", slippery=False),
+    "FrozenLake 4x4, slippery": _lake("4x4", slippery=True),
+    "FrozenLake 8x8, slippery": _lake("8x8", slippery=True),
+}
+
+
+def played(case: Case, episodes: int, *, shielded: bool) -> Tally:
+    """Return what happens in episodes that are seeded by their numbers."""
+    env = case.shield(case.make()) if shielded else case.make()
+    rng = np.random.default_rng(0)
+    tally = Tally()
+    started = time.process_time()
+    for episode in range(episodes):
+        _, info = env.reset(seed=episode)
+        over = False
+        reward: Any = 0.0
+        while not over:
+            action = rng.choice(np.flatnonzero(info["action_mask"])) if shielded else _any(env, rng)
+            _, reward, terminated, truncated, info = env.step(int(action))
+            tally.steps += 1
+            over = terminated or truncated
+        tally.accidents += case.accident(float(reward), env.unwrapped)
+        tally.arrivals += case.arrival(float(reward), env.unwrapped)
+    tally.seconds = time.process_time() - started
+    if shielded and env.counts.fail_safes:  # type: ignore[attr-defined]  # a LogicShield
+        print(f"the fallback was needed: {env.counts}", file=sys.stderr)  # type: ignore[attr-defined]
+    env.close()
+    return tally
+
+
+def _any(env: gymnasium.Env[Any, Any], rng: np.random.Generator) -> int:
+    assert isinstance(env.action_space, gymnasium.spaces.Discrete)
+    return int(rng.integers(env.action_space.n))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="Play known environments without and with their rules.")
+    parser.add_argument("environments", nargs="*", metavar="ENVIRONMENT", help=f"of {', '.join(CASES)}")
+    parser.add_argument("--episodes", type=int, default=200)
+    given = parser.parse_args(arguments)
+    unknown = set(given.environments) - set(CASES)
+    if unknown:
+        parser.error(f"{min(unknown)}: no such environment; expected one of {', '.join(CASES)}")
+    print(
+        f"| {given.episodes} episodes | accidents | with the rules | arrivals | with the rules | ms a step |"
+    )
+    print("|---|--:|--:|--:|--:|--:|")
+    for name in given.environments or CASES:
+        case = CASES[name]
+        if find_spec(case.package) is None:
+            print(f"{name} is left out: pip install {case.package}", file=sys.stderr)
+            continue
+        free, held = (played(case, given.episodes, shielded=shielded) for shielded in (False, True))
+        counts = [free.accidents, held.accidents, free.arrivals, held.arrivals, held.per_step()]
+        print(f"| {name} | {' | '.join(map(str, counts))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
