@@ -45,6 +45,8 @@ def test_the_wheel_carries_rules_recordings_and_types(wheel: Path) -> None:
     assert {"drlsl/py.typed", "drlsl/logic/py.typed"} & names
     recordings = {path for path in (ROOT / "drlsl" / "traffic" / "recordings").rglob("*") if path.is_file()}
     assert {str(path.relative_to(ROOT)) for path in recordings} <= names
+    assets = (ROOT / "drlsl" / "driving" / "page" / "assets").iterdir()
+    assert {f"drlsl/driving/page/assets/{path.name}" for path in assets} <= names
     assert not any(name.startswith(("tests/", "runs/")) for name in names)
 
 

@@ -10,7 +10,21 @@ from typing import Annotated, Any
 
 import typer
 
-from drlsl.cli import bench, config, data, evaluate, export, query, render, rules, runs, stress, study, train
+from drlsl.cli import (
+    bench,
+    config,
+    data,
+    evaluate,
+    export,
+    query,
+    render,
+    rules,
+    runs,
+    stress,
+    study,
+    train,
+    view,
+)
 from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import PrologError
@@ -52,6 +66,7 @@ app.command()(export.export)
 app.command()(query.query)
 app.command()(stress.stress)
 app.command()(render.render)
+app.command()(view.view)
 app.add_typer(runs.app, name="runs")
 app.add_typer(config.app, name="config")
 app.add_typer(data.app, name="data")

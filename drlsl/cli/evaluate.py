@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from drlsl.cli.options import Direction, given_settings, recordings
+from drlsl.cli.episode_folder import EpisodeFolder, EpisodesOut
+from drlsl.cli.options import Direction, check_new, given_settings, recordings
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from drlsl.driving import HighwayVectorEnv
     from drlsl.driving.drivers import Driver
-    from drlsl.learning import ShieldState, VectorHighway
+    from drlsl.learning import ShieldState
 
 ROWS: Sequence[tuple[str, str, str]] = (
     ("time saved", "time_saved", ".1%"),
@@ -99,6 +101,7 @@ def evaluate(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the result here too, as JSON.")
     ] = None,
+    episodes_out: EpisodesOut = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
     """Drive with a trained policy, or another driver, and count what happens.
@@ -128,12 +131,13 @@ def evaluate(
         "env.track_length": track_length,
     }
     folder = None if _is_driver(who) else RunFolder.open(Path(who))
+    check_new(episodes_out, "episodes")
     base = folder.config.model_dump() if folder is not None else preset_values("quick")
     given, arguments = _settings(settings or [], flags)
     config = make_config(merged(base, given), "command line")
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
-    name = POLICY if folder is not None else who
+    name, wants = (who, "preferences") if folder is None else (POLICY, "Q-values")
     shields: Sequence[ShieldState] = ("on", "off") if shield == "both" else (shield,)
     records = judge(
         [Trial(name, driver, one) for one in shields],
@@ -142,6 +146,7 @@ def evaluate(
         seed=config.seed if seed is None else seed,
         env_config=config.env.model_dump(mode="json"),
         console=Console(stderr=True),
+        recorded=None if episodes_out is None else EpisodeFolder(episodes_out, config.env, who, wants),
     )
     if folder is not None:
         folder.save_evaluations(records, EVALUATION_KEY)
@@ -194,16 +199,18 @@ class Trial(NamedTuple):
 
 def judge(
     trials: Sequence[Trial],
-    env: VectorHighway,
+    env: HighwayVectorEnv,
     *,
     episodes: int,
     seed: int,
     env_config: Mapping[str, Any],
     console: Console,
+    recorded: EpisodeFolder | None = None,
 ) -> list[dict[str, Any]]:
     """Drive the same episodes in each trial and return a record of each; show progress on a terminal.
 
-    They are driven by keeping the lane behind the shield first, for the time that the others save.
+    They are driven by keeping the lane behind the shield first, for the time that the others save. The
+    episodes of the trials are `recorded`, if there is a folder for them.
     """
     from rich.progress import Progress
 
@@ -215,7 +222,13 @@ def judge(
     records = []
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         for trial in (keep, *(one for one in trials if one[::2] != keep[::2])):
-            drives = drive(env, trial.driver, shield=trial.shield, episodes=episodes, seed=seed)
+            recorder = None
+            if recorded is not None and any(trial[::2] == one[::2] for one in trials):
+                driver = recorded.who if trial.name == POLICY else trial.name
+                recorder = recorded.recorder(env, driver, enforced=trial.shield == "on", seed=seed)
+            drives = drive(
+                env, trial.driver, shield=trial.shield, episodes=episodes, seed=seed, recorder=recorder
+            )
             shown = progress.track(drives, total=episodes, description=f"{trial.name}, shield {trial.shield}")
             summaries = list(shown)
             kept = times_of(summaries) if kept is None else kept

@@ -37,14 +37,14 @@ RuleFiles = Annotated[
 ]
 
 
-def check_new(folder: Path | None) -> None:
-    """Refuse a folder for scenes that exists.
+def check_new(folder: Path | None, what: str = "scenes") -> None:
+    """Refuse a folder that exists; `what` is to be written to it.
 
     Raises:
         UserError: it does.
     """
     if folder is not None and folder.exists():
-        raise UserError(f"{folder} exists; name a new folder for the scenes")
+        raise UserError(f"{folder} exists; name a new folder for the {what}")
 
 
 def given_settings(settings: list[str], flags: Mapping[str, object], example: str) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -15,6 +16,7 @@ from drlsl.errors import UserError
 
 if TYPE_CHECKING:
     from drlsl.driving import EnvConfig
+    from drlsl.driving.episodes import Episode
     from drlsl.driving.rendering import Film, Moment, RoadView
 
 GIF_RATE: Final = 12.5
@@ -28,9 +30,10 @@ def render(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="RUN|RECORDING|SCENE",
+            metavar="RUN|RECORDING|EPISODE|SCENE",
             help="Run folder that `drlsl train` made; or a bundled recording's name, a highD folder or an "
-            "NGSIM file; or a scene file (.json), as for drlsl query.",
+            "NGSIM file; or an episode (.npz) that drlsl eval or stress wrote; or a scene file (.json), as "
+            "for drlsl query.",
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Write to this file: .png, .gif or .mp4.")],
@@ -65,6 +68,7 @@ def render(
 
     A .png of a run or a recording shows the moment at --begin. Needs pip install 'drlsl[render]'.
     """
+    from drlsl.driving.episodes import SUFFIX, load_episode
     from drlsl.driving.rendering import Film, RoadView, check_film_path
 
     check_film_path(out)
@@ -74,8 +78,12 @@ def render(
             film.add(view.draw(_of_scene(Path(what), rules)))
         typer.echo(f"wrote {out}")
         return
-    config, who, arguments, own_seed = _drive(what, driver, settings or [], rules, shield)
-    drive = _Drive(config, who, arguments, own_seed if seed is None else seed, episode - 1)
+    drive: _Drive | _Replay
+    if what.endswith(SUFFIX):
+        drive = _Replay(load_episode(Path(what)))
+    else:
+        config, who, arguments, own_seed = _drive(what, driver, settings or [], rules, shield)
+        drive = _Drive(config, who, arguments, own_seed if seed is None else seed, episode - 1)
     time_step = drive.time_step
     frames = max(1, round(1 / GIF_RATE / time_step)) if out.suffix.lower() == ".gif" else 1
     with Film(out, 1 / (time_step * frames)) as film:
@@ -150,35 +158,57 @@ class _Drive:
         """The duration of a frame [s]."""
         return self.world.playback_of(0).road.time_step
 
-    def frames(self) -> Iterator[str]:
-        """Drive to the end of the episode; yield what there is to be alarmed about in each frame."""
-        from drlsl.driving.rendering import alarm_of
+    def frames(self) -> Iterator[Callable[[], Moment]]:
+        """Drive to the end of the episode; yield a function that returns the moment of each frame."""
+        from drlsl.driving.rendering import alarm_of, moment_of_world
         from drlsl.driving.simulation import drive_decision
 
-        yield ""
+        yield partial(moment_of_world, self.world)
         ended = False
         while not ended:
             actions = self._driven.actions(self.world)
             for frame in range(self._frames):
                 result = drive_decision(self.world, actions if frame == 0 else [0], frames=1)
                 self.time += self.time_step
-                yield alarm_of(result, 0)
+                yield partial(moment_of_world, self.world, alarm=alarm_of(result, 0))
                 ended = bool(result.terminated[0] or result.truncated[0])
                 if ended:
                     break
 
 
-def _film(film: Film, view: RoadView, drive: _Drive, frames: int, begin: float, end: float) -> None:
-    """Add every `frames`-th frame of a drive from `begin` to `end` [s], and the last one for a while."""
-    from drlsl.driving.rendering import moment_of_world
+class _Replay:
+    """A recorded episode, frame by frame."""
 
-    picture = None
-    for number, alarm in enumerate(drive.frames()):
+    def __init__(self, episode: Episode) -> None:
+        self._episode = episode
+        self.time = 0.0
+        """Time of the episode [s]."""
+
+    @property
+    def time_step(self) -> float:
+        """The duration of a frame [s]."""
+        return self._episode.road.time_step
+
+    def frames(self) -> Iterator[Callable[[], Moment]]:
+        """Yield a function that returns the moment of each frame."""
+        for frame in range(len(self._episode)):
+            self.time = frame * self.time_step
+            yield partial(self._episode.moment, frame)
+
+
+def _film(film: Film, view: RoadView, drive: _Drive | _Replay, frames: int, begin: float, end: float) -> None:
+    """Add every `frames`-th frame of a drive from `begin` to `end` [s], and the last one for a while."""
+    picture = moment = None
+    for number, moment in enumerate(drive.frames()):
         if film.full or drive.time > end:
             return
-        if drive.time >= begin and (number % frames == 0 or alarm):
-            picture = view.draw(moment_of_world(drive.world, alarm=alarm))
+        if drive.time >= begin and number % frames == 0:
+            picture = view.draw(moment())
             film.add(picture)
+            moment = None
+    if picture is not None and moment is not None:
+        picture = view.draw(moment())
+        film.add(picture)
     if picture is not None:
         for _ in range(round(LAST / (drive.time_step * frames))):
             film.add(picture)

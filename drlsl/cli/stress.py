@@ -42,8 +42,14 @@ OldOffers = Annotated[
 ]
 SceneFolder = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="Write the worst contacts here, as scenes for drlsl query."),
+    typer.Option(
+        metavar="DIR",
+        help="Write the worst contacts here: scenes for drlsl query, episodes, and a page, worst.html.",
+    ),
 ]
+
+WORST: Final = "worst.html"
+"""The page of the worst contacts."""
 
 
 Who = Annotated[
@@ -121,9 +127,11 @@ def stress(
         **({} if horizon is None else {"prediction_horizon": horizon}),
     )
     policies: list[str] = [] if driver else [*POLICIES] if policy == "all" else [policy]
-    report = _run(config, policies, driver, arguments, episodes=episodes, seed=seed)
+    job = _Job(config, policies, driver, arguments, episodes, seed)
+    report = job.run()
     if out is not None:
         write_scenes(out, {record.name: record.scene for record in report.worst})
+        job.record(out, report)
     print(json.dumps(report.as_json(), indent=2) if as_json else _report(report))
 
 
@@ -180,37 +188,75 @@ def _parameters(driver: str | None, settings: list[str] | None, policy: str) -> 
     return arguments
 
 
-def _run(
-    config: EnvConfig,
-    policies: list[str],
-    driver: str | None,
-    arguments: dict[str, Any],
-    *,
-    episodes: int,
-    seed: int,
-) -> StressReport:
-    """Drive all episodes, with a progress bar on a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
+class _Job:
+    """The episodes to drive, and the drivers who take turns."""
 
-    from drlsl.driving import StressReport
-    from drlsl.driving import stress as run
-    from drlsl.driving.shield import Shield
-    from drlsl.traffic import load_recording
+    def __init__(
+        self,
+        config: EnvConfig,
+        policies: list[str],
+        driver: str | None,
+        arguments: dict[str, Any],
+        episodes: int,
+        seed: int,
+    ) -> None:
+        from drlsl.driving.shield import Shield
+        from drlsl.traffic import load_recording
 
-    shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
-    drivers = {} if driver is None else {driver: loaded_driver(driver, arguments, shield)}
-    recordings = [load_recording(name) for name in config.recordings]
-    report = StressReport()
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        names = ", ".join([*policies, *drivers])
-        task = progress.add_task(f"{names}; {shield.tier} rules", total=episodes)
-        for report in run(
-            config, recordings, shield, policies, episodes=episodes, seed=seed, drivers=drivers
-        ):
-            progress.update(task, completed=report.total.episodes)
-    return report
+        self._config = config
+        self._policies = policies
+        self._shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
+        self._drivers = {} if driver is None else {driver: loaded_driver(driver, arguments, self._shield)}
+        self._recordings = [load_recording(name) for name in config.recordings]
+        self._episodes = episodes
+        self._seed = seed
+
+    def run(self) -> StressReport:
+        """Drive all episodes, with a progress bar on a terminal."""
+        from rich.console import Console
+        from rich.progress import Progress
+
+        from drlsl.driving import StressReport, stress
+
+        report = StressReport()
+        console = Console(stderr=True)
+        with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+            names = ", ".join([*self._policies, *self._drivers])
+            task = progress.add_task(f"{names}; {self._shield.tier} rules", total=self._episodes)
+            for report in stress(
+                self._config,
+                self._recordings,
+                self._shield,
+                self._policies,
+                episodes=self._episodes,
+                seed=self._seed,
+                drivers=self._drivers,
+            ):
+                progress.update(task, completed=report.total.episodes)
+        return report
+
+    def record(self, folder: Path, report: StressReport) -> None:
+        """Write the episodes of the worst contacts to a folder, and a page that shows how they came about."""
+        from drlsl.driving import record
+        from drlsl.driving.episodes import SUFFIX, save_episode
+        from drlsl.driving.page import write_page
+        from drlsl.files import digest
+
+        episodes = record(
+            self._config,
+            self._recordings,
+            self._shield,
+            self._policies,
+            report.worst,
+            episodes=self._episodes,
+            seed=self._seed,
+            digests={path.name: digest([path]) for path in self._shield.files()},
+            drivers=self._drivers,
+        )
+        for contact, episode in zip(report.worst, episodes, strict=True):
+            save_episode(folder / f"{contact.name}{SUFFIX}", episode)
+        if episodes:
+            write_page(folder / WORST, episodes, title="The worst contacts")
 
 
 def _report(report: StressReport) -> str:

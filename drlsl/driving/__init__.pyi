@@ -2,7 +2,7 @@ from .config import EnvConfig, Section
 from .envs import HighwayEnv, HighwayVectorEnv, make_env, make_vec
 from .scene import Action, Road, Scene, Vehicle, facts_of
 from .shield import Decision, Shield
-from .stress_test import POLICIES, Counts, StressReport, stress
+from .stress_test import POLICIES, Counts, StressReport, record, stress
 
 __all__ = [
     "POLICIES",
@@ -21,5 +21,6 @@ __all__ = [
     "facts_of",
     "make_env",
     "make_vec",
+    "record",
     "stress",
 ]

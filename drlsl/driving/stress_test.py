@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, TypeAlias
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.drivers import DrivenBy, Driver
+from drlsl.driving.episodes import Ending, Episode, EpisodeRecorder, Origin
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import (
@@ -22,6 +23,7 @@ from drlsl.driving.simulation import (
     in_direction,
     playbacks_of,
 )
+from drlsl.errors import UserError
 from drlsl.traffic import Floats, Recording
 
 Actions: TypeAlias = npt.NDArray[np.int64]
@@ -222,12 +224,20 @@ class _Draws:
 class _Stress:
     """Episodes side by side in one world; an ego whose episode is over takes the next one."""
 
-    def __init__(self, world: World, policies: Mapping[str, Policy], episodes: int, seed: int) -> None:
+    def __init__(
+        self,
+        world: World,
+        policies: Mapping[str, Policy],
+        seeds: Iterable[tuple[int, np.random.SeedSequence]],
+        recorder: EpisodeRecorder | None = None,
+    ) -> None:
+        """Take the episodes of `seeds`, by number; a `recorder` must not see an ego take a second one."""
         self._world = world
         self._choose = [*policies.values()]
         self._policies = [*policies]
         self._frames = frames_per_decision(world.config.decision_period, world.playbacks)
-        self._seeds = enumerate(np.random.SeedSequence(seed).spawn(episodes))
+        self._seeds = iter(seeds)
+        self._recorder = recorder
         self._draws = _Draws(world.count)
         self._episode = np.full(world.count, -1)
         self._policy = np.zeros(world.count, dtype=np.int64)
@@ -237,10 +247,16 @@ class _Stress:
         """Drive all episodes; yield the report each time some end."""
         first = self._begin(range(self._world.count))
         self._world.reset(list(first), list(first.values()))
+        if self._recorder is not None:
+            self._recorder.begin(dict(enumerate(self._episode.tolist())))
         # An ego whose episode is over begins the next one in the following step.
         restarts: dict[int, np.random.Generator] = {}
         while (self._episode >= 0).any():
-            result = drive_decision(self._world, self._actions(), restarts, frames=self._frames)
+            actions, watch = self._actions(), None
+            if self._recorder is not None:
+                self._recorder.choose(actions, np.full((len(actions), len(Action)), np.nan))
+                watch = self._recorder.watch
+            result = drive_decision(self._world, actions, restarts, frames=self._frames, watch=watch)
             running = self._episode >= 0
             running[list(restarts)] = False
             ended = np.flatnonzero(running & (result.terminated | result.truncated)).tolist()
@@ -315,8 +331,67 @@ def stress(
     `policies`, names of `POLICIES`, and `drivers`, by names of their own, take turns. Episode i is a function
     of (`seed`, i) and of its policy; `World` says which parts of `config` matter.
     """
+    world = _world(config, recordings, shield, min(egos, episodes))
+    yield from _Stress(world, _taking_turns(policies, drivers), _seeds(seed, episodes), None).run()
+
+
+def record(
+    config: EnvConfig,
+    recordings: Sequence[Recording],
+    shield: Shield,
+    policies: Sequence[str],
+    contacts: Sequence[ContactRecord],
+    *,
+    episodes: int,
+    seed: int,
+    digests: Mapping[str, str],
+    drivers: Mapping[str, Driver] | None = None,
+) -> list[Episode]:
+    """Drive the episodes of some contacts of `stress` again, with its arguments, and return what happened.
+
+    `digests`: the SHA-256 of every rule file.
+
+    Raises:
+        UserError: an episode went otherwise, since a driver depends on more than what it sees.
+    """
+    found: dict[int, Episode] = {}
+    all_seeds = dict(_seeds(seed, episodes))
+    turns = _taking_turns(policies, drivers)
+    for contact in contacts:
+        world = _world(config, recordings, shield, 1)
+        origin = Origin(
+            driver=contact.policy,
+            recording=", ".join(one.name for one in recordings),
+            enforced=config.offers != "all",
+            offers=config.offers,
+            seed=seed,
+            number=contact.episode,
+            rules=config.rules,
+            digests=dict(digests),
+            wants="preferences",
+        )
+        recorder = EpisodeRecorder(world, origin, lambda one: found.update({one.origin.number: one}))
+        for _ in _Stress(world, turns, [(contact.episode, all_seeds[contact.episode])], recorder).run():
+            pass
+        expected = Ending("contact", contact.verdict, f"v{contact.vehicle}", contact.closing_speed)
+        if found[contact.episode].ending != expected:
+            raise UserError(
+                f"episode {contact.episode} of {contact.policy} went otherwise when it was driven again: "
+                f"{found[contact.episode].ending.words()}; its driver depends on more than what it sees"
+            )
+    return [found[contact.episode] for contact in contacts]
+
+
+def _world(config: EnvConfig, recordings: Sequence[Recording], shield: Shield, egos: int) -> World:
     playbacks = in_direction(playbacks_of(recordings, config.radar_range, config.lane_limits), config)
-    world = World(config, [playbacks] * min(egos, episodes), shield)
-    taking_turns: dict[str, Policy] = {name: POLICIES[name] for name in policies}
-    taking_turns |= {name: _policy_of(driver) for name, driver in (drivers or {}).items()}
-    yield from _Stress(world, taking_turns, episodes, seed).run()
+    return World(config, [playbacks] * egos, shield)
+
+
+def _taking_turns(policies: Sequence[str], drivers: Mapping[str, Driver] | None) -> dict[str, Policy]:
+    turns: dict[str, Policy] = {name: POLICIES[name] for name in policies}
+    return turns | {name: _policy_of(driver) for name, driver in (drivers or {}).items()}
+
+
+def _seeds(seed: int, episodes: int) -> Iterator[tuple[int, np.random.SeedSequence]]:
+    """Return the seed of every episode, by its number."""
+    return enumerate(np.random.SeedSequence(seed).spawn(episodes))

@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 from drlsl import driving
 from drlsl.driving import EnvConfig, HighwayVectorEnv
 from drlsl.driving.drivers import Driver, most_wanted
+from drlsl.driving.episodes import EpisodeRecorder
 from drlsl.learning.episode import EVALUATION_STREAM, EpisodeSummary, all_actions, rule_safe_actions
 from drlsl.learning.fleet import Fleet, VectorHighway
 from drlsl.learning.totals import time_saved, times_of, totals
@@ -31,12 +32,18 @@ def make_evaluation_env(config: EnvConfig) -> HighwayVectorEnv:
 
 
 def drive(
-    env: VectorHighway, driver: Driver, *, shield: ShieldState, episodes: int, seed: int
+    env: VectorHighway,
+    driver: Driver,
+    *,
+    shield: ShieldState,
+    episodes: int,
+    seed: int,
+    recorder: EpisodeRecorder | None = None,
 ) -> Iterator[EpisodeSummary]:
     """Drive, one summary per episode; the same seed gives the same episodes, shield on or off.
 
     The action that the driver wants most is taken: with the shield on, among those the rules derive to be
-    safe.
+    safe. A `recorder`, which watches the environment, is told what the driver chooses.
 
     Raises:
         DivergedError: a Q-value of a policy is not finite.
@@ -48,9 +55,13 @@ def drive(
     ahead: dict[int, EpisodeSummary] = {}
     following = 1
     while following <= episodes:
-        fleet.begin()
+        began = fleet.begin()
         offered = offer(fleet.safe)
-        choice = most_wanted(driver.preferences(fleet.situations(offered)), offered)
+        preferences = driver.preferences(fleet.situations(offered))
+        choice = most_wanted(preferences, offered)
+        if recorder is not None:
+            recorder.begin(began)
+            recorder.choose(choice.actions, preferences)
         intervened = ~fleet.safe[everyone, choice.preferred]
         for ended in fleet.count(fleet.step(choice.actions), offered, intervened, ()):
             ahead[ended.episode] = ended.summary

@@ -144,16 +144,23 @@ class Fleet:
         self._begun = 0
         self.finished = 0
 
-    def begin(self) -> None:
-        """Begin the next episode in each environment whose episode is over."""
+    def begin(self) -> dict[int, int]:
+        """Begin the next episode in each environment whose episode is over.
+
+        Returns:
+            By environment, the numbers of the episodes that began and count.
+        """
         if not self._over.any():
-            return
+            return {}
+        began = {}
         seeds: list[int | None] = [None] * len(self._over)
         for index in np.flatnonzero(self._over).tolist():
             seeds[index] = episode_seed(self._seed, self._stream, self._begun)
             self._counted[index] = self._begun < self._episodes
             self._begun += int(self._counted[index])
             self._numbers[index] = self._begun
+            if self._counted[index]:
+                began[index] = self._begun
             self._started[index] = perf_counter()
             self._tally.clear(index)
             self._learnt_before[index] = self._learnt
@@ -162,6 +169,7 @@ class Fleet:
         self.observations = np.where(self._over[:, None], first, self.observations)
         self.safe = np.where(self._over[:, None], info["action_mask"].astype(np.bool_), self.safe)
         self._over = np.zeros_like(self._over)
+        return began
 
     def done(self) -> set[int]:
         """Return the numbers of the episodes that are over."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 import gymnasium
@@ -108,6 +108,8 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         self.render_mode = render_mode
         self.metadata |= {"render_fps": render_rate(self.world, self._frames)}
         self._renderer = None if render_mode is None else Renderer(render_mode, self.world, (RGB_ARRAY,))
+        self.watch: Callable[[StepResult], None] | None = None
+        """Called with the result of every frame, also of those within a decision."""
         self._no_reason = _constant(self.num_envs, "")
         self._not_taken = np.full(self.num_envs, NOT_TAKEN)
         self._not_taken.setflags(write=False)
@@ -161,7 +163,12 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
             free=self._over if again else None,
         )
         result = drive_decision(
-            self.world, settled.taken, restarts, frames=self._frames, discount=self._discount
+            self.world,
+            settled.taken,
+            restarts,
+            frames=self._frames,
+            discount=self._discount,
+            watch=self.watch,
         )
         self._decisions = result.decisions
         if self._renderer is not None:

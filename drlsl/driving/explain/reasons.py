@@ -120,7 +120,7 @@ def objections_to(shield: Shield, actions: Iterable[Action]) -> dict[Action, lis
         for solution in shield.engine.query("objection(Action, Reason)", limits=LIMITS):
             action = action_of_atom(solution["Action"])
             if action in unsafe:
-                unsafe[action].append(_objection(action, solution["Reason"]))
+                unsafe[action].append(objection_of(action, solution["Reason"]))
     return {action: sorted(set(found), key=_urgency) for action, found in unsafe.items()}
 
 
@@ -167,7 +167,12 @@ def speed_reason(shield: Shield, scene: Scene, target_speed: float) -> SpeedReas
     return max(reasons, key=lambda reason: abs(reason.without - target_speed), default=None)
 
 
-def _objection(action: Action, term: object) -> Objection:
+def objection_of(action: Action, term: object) -> Objection:
+    """Return the objection that a reason of the rules stands for.
+
+    Raises:
+        UserError: the reason has no name.
+    """
     match term:
         case Compound(name="too_close", args=(str(car), int() | float() as gap, int() | float() as needed)):
             return Objection("too_close", car, float(gap), float(needed))

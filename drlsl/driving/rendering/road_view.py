@@ -36,6 +36,27 @@ _GAP: Final[Colour] = (250, 250, 250)
 _TEXT: Final[Colour] = (240, 240, 240)
 _ALARM: Final[Colour] = (255, 90, 80)
 
+_CHEVRON: Final[Colour] = (130, 134, 140)
+_OUTLINE: Final[Colour] = (20, 20, 20)
+
+COLOURS: Final[dict[str, Colour]] = {
+    "ego": EGO,
+    "seen": SEEN,
+    "unseen": UNSEEN,
+    "grass": _GRASS,
+    "asphalt": _ASPHALT,
+    "line": _LINE,
+    "chevron": _CHEVRON,
+    "outline": _OUTLINE,
+    "radar": _RADAR,
+    "offered": _OFFERED,
+    "refused": _REFUSED,
+    "gap": _GAP,
+    "text": _TEXT,
+    "alarm": _ALARM,
+}
+"""The colours by what they show, for other views of a drive."""
+
 _ROAD_TOP, _ROAD_BOTTOM = 62, 96
 """Room above the road and below it, for words [pixel]."""
 
@@ -171,7 +192,7 @@ class RoadView:
                 camera.point(x, lane.centre),
                 camera.point(x - depth, lane.centre + half),
             ]
-            self._pygame.draw.lines(self._surface, (130, 134, 140), False, points, 2)
+            self._pygame.draw.lines(self._surface, _CHEVRON, False, points, 2)
 
     def _draw_radar(self, camera: _Camera, scene: Scene) -> None:
         reach = scene.road.radar_range
@@ -189,7 +210,7 @@ class RoadView:
         left, top = camera.point(car.x - car.length / 2, car.y - car.width / 2)
         box = self._pygame.Rect(left, top, car.length * camera.along, car.width * camera.across)
         self._pygame.draw.rect(self._surface, colour, box, border_radius=4)
-        self._pygame.draw.rect(self._surface, (20, 20, 20), box, 1, border_radius=4)
+        self._pygame.draw.rect(self._surface, _OUTLINE, box, 1, border_radius=4)
 
     def _draw_gaps(self, camera: _Camera, moment: Moment) -> None:
         cars = {car.id: car for car in moment.scene.in_range()}

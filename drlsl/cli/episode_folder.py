@@ -1,0 +1,108 @@
+"""Episodes that a command records, as files of a folder."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from drlsl.errors import UserError
+
+if TYPE_CHECKING:
+    from drlsl.driving import EnvConfig, HighwayVectorEnv, Shield
+    from drlsl.driving.episodes import Episode, EpisodeRecorder, Origin
+
+EpisodesOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--episodes-out", metavar="DIR", help="Write every episode here, as a file for drlsl view and render."
+    ),
+]
+
+_OTHER: Final = re.compile(r"[^A-Za-z0-9._-]+")
+
+
+@dataclass(frozen=True)
+class EpisodeFolder:
+    """A folder for the episodes that a driver called `who` drives in environments of a configuration.
+
+    `wants` says what the driver's preferences are.
+    """
+
+    folder: Path
+    config: EnvConfig
+    who: str
+    wants: str
+
+    def recorder(self, env: HighwayVectorEnv, driver: str, *, enforced: bool, seed: int) -> EpisodeRecorder:
+        """Return a recorder that watches `env` and writes each episode that ends.
+
+        Raises:
+            UserError: the folder cannot be made.
+        """
+        from drlsl.driving.episodes import EpisodeRecorder
+
+        make_folder(self.folder)
+        origin = origin_of(self.config, env.shield, driver, self.wants, enforced=enforced, seed=seed)
+        recorder = EpisodeRecorder(env.world, origin, self.save)
+        env.watch = recorder.watch
+        return recorder
+
+    def save(self, episode: Episode) -> None:
+        """Write an episode.
+
+        Raises:
+            UserError: it cannot be written.
+        """
+        save(self.folder, episode)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for episodes, unless there is one.
+
+    Raises:
+        UserError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot make {folder}: {error.strerror}") from error
+
+
+def save(folder: Path, episode: Episode, prefix: str = "") -> Path:
+    """Write an episode to a folder, under a name that tells it from others there; return the file.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    from drlsl.driving.episodes import SUFFIX, save_episode
+
+    origin = episode.origin
+    shield = "on" if origin.enforced else "off"
+    driver = _OTHER.sub("-", origin.driver).strip("-.") or "driver"
+    path = folder / f"{prefix}{driver}-shield-{shield}-{origin.number:04}{SUFFIX}"
+    save_episode(path, episode)
+    return path
+
+
+def origin_of(
+    config: EnvConfig, shield: Shield, driver: str, wants: str, *, enforced: bool, seed: int
+) -> Origin:
+    """Return where episodes come from that a driver drives; their numbers are yet to come."""
+    from drlsl.driving.episodes import Origin
+    from drlsl.files import digest
+
+    return Origin(
+        driver=driver,
+        recording=", ".join(config.recordings),
+        enforced=enforced,
+        offers=config.offers,
+        seed=seed,
+        number=0,
+        rules=config.rules,
+        digests={path.name: digest([path]) for path in shield.files()},
+        wants=wants,
+    )

@@ -1,0 +1,143 @@
+// One episode: its road, what is offered and why not the rest, and what is observed.
+import { actionWords, wordsOf, type Clause, type Data, type Moment, type Objection } from "./data";
+import type { Drive } from "./drive";
+import { attribute, make, write } from "./dom";
+import { drawRoad, type Camera, type Look } from "./road";
+
+export class Panel {
+  readonly element: HTMLElement;
+  readonly canvas: HTMLCanvasElement;
+  readonly tools = make("div", { class: "tools" });
+  frame = 0;
+  moment: Moment;
+  camera: Camera | null = null;
+  // A moment that was changed in the page, in place of the recorded one.
+  changed: Moment | null = null;
+  selected: string | null = null;
+  clauses: Clause[];
+  private readonly facts = make("p", { class: "facts" });
+  private readonly alarm = make("p", { class: "alarm", role: "status" });
+  private readonly cards: ActionCard[];
+  private readonly observed: HTMLElement[];
+  private shown = "";
+
+  constructor(readonly drive: Drive, private readonly page: Data, choose: HTMLElement) {
+    const { data } = drive;
+    this.clauses = data.clauses;
+    this.canvas = make("canvas", { class: "road", tabindex: 0, role: "img" });
+    this.cards = page.actions.map((action) => new ActionCard(action, data.wants));
+    this.observed = data.observation.map(() => make("td"));
+    const rows = data.observation.map(([name], n) => make("tr", {}, make("th", { scope: "row" }, name), this.observed[n]!));
+    this.element = make(
+      "article",
+      { class: "panel", "aria-label": data.name },
+      make("header", {}, choose, make("span", { class: `ending ${data.ending.kind}` }, data.ending.words)),
+      this.canvas,
+      this.facts,
+      this.alarm,
+      this.tools,
+      make("ul", { class: "actions", "aria-label": "Actions" }, ...this.cards.map((card) => card.element)),
+      make(
+        "details",
+        { class: "observation" },
+        make("summary", {}, `Observation: ${data.observation.length} numbers`),
+        make("table", {}, make("tbody", {}, ...rows)),
+      ),
+    );
+    this.moment = drive.moment(0);
+  }
+
+  show(time: number): void {
+    this.frame = this.drive.frameAt(time);
+    this.moment = this.changed ?? this.drive.moment(this.frame);
+    this.draw();
+    this.tell();
+  }
+
+  draw(): void {
+    const look: Look = { colours: this.page.colours, selected: this.selected, only: null };
+    this.camera = drawRoad(this.canvas, this.moment, look);
+  }
+
+  // What a screen reader says of the moment.
+  summary(): string {
+    const { moment, page } = this;
+    const each = page.actions.map((action, n) => {
+      const against = moment.objections[n]!.map(wordsOf).join("; ");
+      const why = against === "" ? "" : ` because ${against}`;
+      return moment.offered[n]! ? `${actionWords(action)} is offered` : `${actionWords(action)} is refused${why}`;
+    });
+    return `${this.drive.data.name}: ${this.factWords()}. ${each.join(". ")}.`;
+  }
+
+  private factWords(): string {
+    const { moment } = this;
+    const words = [`${Math.abs(moment.scene.ego.vx_mps).toFixed(1)} m/s`, `target ${moment.targetSpeed.toFixed(1)} m/s`];
+    if (moment.distance !== null) words.push(`${moment.distance.toFixed(0)} m`);
+    return words.join(" · ");
+  }
+
+  private tell(): void {
+    const { moment, drive } = this;
+    const last = this.frame === drive.length - 1 && ["contact", "off_road"].includes(drive.data.ending.kind);
+    const ending = last && this.changed === null ? drive.data.ending.words : "";
+    write(this.facts, this.factWords());
+    write(this.alarm, moment.failure === "" ? ending : `fail-safe: ${moment.failure}`);
+    this.cards.forEach((card, n) => card.tell(moment, n, this.clauses));
+    moment.observation.forEach((value, n) => write(this.observed[n]!, value.toFixed(3)));
+    const told = this.summary();
+    if (told !== this.shown) attribute(this.canvas, "aria-label", told);
+    this.shown = told;
+  }
+}
+
+class ActionCard {
+  readonly element: HTMLLIElement;
+  private readonly badge = make("span", { class: "badge" });
+  private readonly value = make("span", { class: "value" });
+  private readonly chosen = make("span", { class: "chosen" });
+  private readonly reasons = make("ul", { class: "reasons" });
+  private told = "";
+
+  constructor(action: string, private readonly wants: string) {
+    const name = make("strong", {}, actionWords(action));
+    this.element = make("li", { class: "action" }, make("div", {}, name, this.badge, this.chosen, this.value), this.reasons);
+  }
+
+  tell(moment: Moment, action: number, clauses: Clause[]): void {
+    const offered = moment.offered[action]!;
+    attribute(this.element, "class", `action ${offered ? "offered" : "refused"}`);
+    write(this.badge, offered ? "offered" : "not offered");
+    write(this.chosen, moment.action === action ? "chosen" : "");
+    write(this.value, valueWords(moment.preferences, action, this.wants));
+    this.tellReasons(offered ? [] : moment.objections[action]!, offered || moment.failure !== "", clauses);
+  }
+
+  private tellReasons(found: Objection[], silent: boolean, clauses: Clause[]): void {
+    const words = found.map((one) => `${wordsOf(one)}\0${one.clause}`).join("\n");
+    if (words === this.told && words !== "") return;
+    if (found.length === 0) {
+      const none = silent ? "" : "not derived by the rules";
+      if (this.told !== `-${none}`) this.reasons.replaceChildren(...(none === "" ? [] : [make("li", {}, none)]));
+      this.told = `-${none}`;
+      return;
+    }
+    this.told = words;
+    this.reasons.replaceChildren(...found.map((one) => make("li", {}, wordsOf(one), clauseOf(clauses[one.clause]))));
+  }
+}
+
+function clauseOf(clause: Clause | undefined): HTMLElement | null {
+  if (clause === undefined) return null;
+  const place = make("span", { class: "place" }, `${clause.file}:${clause.line}`);
+  return make("code", { class: "clause" }, place, clause.text);
+}
+
+function valueWords(preferences: number[] | null, action: number, wants: string): string {
+  if (preferences === null) return "";
+  const value = preferences[action]!;
+  if (Number.isNaN(value)) return "";
+  const best = Math.max(...preferences) === value ? " (best)" : "";
+  const shown = Number.isFinite(value) ? value.toFixed(Math.abs(value) >= 100 ? 0 : 2) : "never";
+  return `${wants === "Q-values" ? "Q" : "wants"} ${shown}${best}`;
+}
