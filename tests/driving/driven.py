@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
@@ -15,8 +17,8 @@ ORIGIN = Origin("mobil", "overtake-test", True, "rules", 0, 0, (), {"highway.pl"
 def drive(driver: Driver | None = None, *, seeds: tuple[int, ...] = (3, 4), **settings: Any) -> list[Episode]:
     """Return the episodes that a driver drives, MOBIL if none is given."""
     driver = driver or make_driver("mobil")
-    settings = {"recording": "overtake-test", "track_length": 300.0} | settings
-    env = HighwayVectorEnv(num_envs=len(seeds), autoreset_mode=AutoresetMode.DISABLED, **settings)
+    given: dict[str, Any] = {"recording": "overtake-test", "track_length": 300.0} | settings
+    env = HighwayVectorEnv(num_envs=len(seeds), autoreset_mode=AutoresetMode.DISABLED, **given)
     done: dict[int, Episode] = {}
     recorder = EpisodeRecorder(
         env.world, ORIGIN, lambda episode: done.update({episode.origin.number: episode})
