@@ -3,18 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from drlsl.logic import Compound, Engine, LimitExceeded, Limits, PrologError, Solution, Variable
-from drlsl.lowering.frontend import Query
-from drlsl.lowering.ir import Schema
 from drlsl.shield.rule_failure import RuleFailure
+
+if TYPE_CHECKING:
+    from drlsl.lowering.ir import Schema
+
+
+class Asked(Protocol):
+    """A query about `name` of `arity` unbound arguments, and which of its answers count."""
+
+    @property
+    def name(self) -> str:
+        """The name of the predicate."""
+
+    @property
+    def arity(self) -> int:
+        """The number of arguments."""
+
+    @property
+    def mode(self) -> Literal["holds", "first", "set", "all"]:
+        """The answers that count: whether it holds, its first solution, the set of all, or all in order."""
 
 
 class Interpreter:
     """Asserts facts in an engine and queries it, with the answers of generated code for one scene."""
 
-    def __init__(self, engine: Engine, queries: Sequence[Query], limits: Limits) -> None:
+    def __init__(self, engine: Engine, queries: Sequence[Asked], limits: Limits) -> None:
         """Prepare the queries; `limits` hold for each."""
         self.engine = engine
         self.limits = limits
@@ -46,7 +63,7 @@ class Interpreter:
         except (PrologError, LimitExceeded) as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
-    def _answer(self, query: Query, variables: Sequence[str], goal: Any) -> Any:
+    def _answer(self, query: Asked, variables: Sequence[str], goal: Any) -> Any:
         if query.mode == "holds":
             return goal.holds(self.limits)
         if query.mode == "first":
@@ -58,11 +75,11 @@ class Interpreter:
         return [one for place, one in enumerate(found) if one not in found[:place]]
 
 
-def _variables(query: Query) -> list[str]:
+def _variables(query: Asked) -> list[str]:
     return [f"Argument{place + 1}" for place in range(query.arity)]
 
 
-def _goal(query: Query) -> Compound | str:
+def _goal(query: Asked) -> Compound | str:
     return Compound(query.name, tuple(map(Variable, _variables(query)))) if query.arity else query.name
 
 

@@ -10,15 +10,11 @@ from typing import Final
 from drlsl.driving.scene import SCHEMA, action_of_atom
 from drlsl.driving.shield import (
     ACTIONS,
-    COMFORT,
-    FREE,
-    LANE,
-    SPEED,
-    STATE,
     Question,
     Shield,
     check_state,
     query_of,
+    questions_of_a_decision,
 )
 from drlsl.errors import UserError
 from drlsl.files import digest
@@ -58,8 +54,7 @@ class RuleProgram:
     @property
     def questions(self) -> list[Question]:
         """The questions whose answers make a decision."""
-        optional = (one for one in (LANE, COMFORT) if self.defines(one))
-        return [ACTIONS, SPEED, STATE, FREE, *optional]
+        return questions_of_a_decision(self.shield.engine)
 
     @property
     def has_reasons(self) -> bool:

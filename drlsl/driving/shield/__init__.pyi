@@ -3,7 +3,19 @@ from .compiled import ASKED, check_state, query_of
 from .decision import NO_WISH, Decision, Decisions, RuleFailure
 from .highway_rules import default_rules
 from .observation import PAPER_OBSERVATION, ObservationSpace, declared_observation
-from .questions import ACTIONS, BOUNDS, COMFORT, ENTRY, FREE, LANE, NAMES, SPEED, STATE, Question
+from .questions import (
+    ACTIONS,
+    BOUNDS,
+    COMFORT,
+    ENTRY,
+    FREE,
+    LANE,
+    NAMES,
+    SPEED,
+    STATE,
+    Question,
+    questions_of_a_decision,
+)
 from .shield import LIMITS, Shield
 
 __all__ = [
@@ -30,5 +42,6 @@ __all__ = [
     "declared_observation",
     "default_rules",
     "query_of",
+    "questions_of_a_decision",
     "unknown_actions",
 ]

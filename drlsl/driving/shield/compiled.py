@@ -23,7 +23,7 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, RuleFailure, decision_of, usable
+from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, RuleFailure, usable
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import (
     ACTIONS,
@@ -36,6 +36,7 @@ from drlsl.driving.shield.questions import (
     SPEED,
     STATE,
     Question,
+    questions_of_a_decision,
 )
 from drlsl.driving.shield.tier import SceneTier, Undecidable, told
 from drlsl.errors import UserError
@@ -74,8 +75,8 @@ class ScalarTier(SceneTier):
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
         """
         self.observation = observation
-        self._asked = _of_a_decision(engine)
-        queries = [query_of(one, ordered=True) for one in self._asked]
+        self.asked = questions_of_a_decision(engine)
+        queries = [query_of(one, ordered=True) for one in self.asked]
         self._answers = compile_scalar(lower(engine, SCHEMA, queries))
         self._entry = compile_scalar(lower(engine, SCHEMA, [query_of(ENTRY)]))
         self._road: Road | None = None
@@ -89,16 +90,7 @@ class ScalarTier(SceneTier):
             UserError: the rules offer an action that the agent does not know.
             Undecided: only the interpreter can tell.
         """
-        answers: dict[Question, Any] = dict(zip(self._asked, self._answers(self._facts(scene)), strict=True))
-        return decision_of(
-            self.observation,
-            actions=answers[ACTIONS],
-            speed=answers[SPEED],
-            observation=answers[STATE],
-            front_is_free=answers[FREE],
-            lane=answers.get(LANE, scene.target_lane),
-            acceleration=answers.get(COMFORT, NO_WISH),
-        )
+        return self.decision(scene, self._answers(self._facts(scene)))
 
     def entry_is_safe(self, scene: Scene) -> bool:
         """Return whether the ego may enter where `scene` places it.
@@ -132,7 +124,7 @@ class ArrayTier:
             NotLowerable: a rule that only the interpreter can run, with its place and the reason.
             UserError: the rules can offer an action that the agent does not know.
         """
-        self._asked = _of_a_decision(engine)
+        self._asked = questions_of_a_decision(engine)
         lowered = lower(engine, SCHEMA, [query_of(one) for one in self._asked])
         _check_forms(lowered)
         answers = compile_program(lowered)
@@ -206,12 +198,6 @@ def _alone(scene: Scene) -> SceneBatch:
         return SceneBatch.of([scene])
     except (TypeError, ValueError) as error:
         raise RuleFailure(f"a fact cannot be told to the rules: {error}") from error
-
-
-def _of_a_decision(engine: Engine) -> list[Question]:
-    """Return the questions whose answers make a decision."""
-    optional = (one for one in (LANE, COMFORT) if engine.defines(one.name, one.arity))
-    return [ACTIONS, SPEED, STATE, FREE, *optional]
 
 
 def _check_forms(lowered: Lowered) -> None:

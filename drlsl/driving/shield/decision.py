@@ -6,12 +6,13 @@ NumPy is loaded only for many, so that a query about one scene starts without it
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.driving.scene import Action, Road, Scene, action_of_atom, copied, put_rows, taken_rows
 from drlsl.driving.shield.observation import ObservationSpace
-from drlsl.driving.shield.questions import COMFORT, LANE, SPEED, STATE
+from drlsl.driving.shield.questions import ACTIONS, COMFORT, FREE, LANE, SPEED, STATE, Question
 from drlsl.shield import RuleFailure as RuleFailure  # the shield's surface has it, too
 
 if TYPE_CHECKING:
@@ -135,38 +136,31 @@ class Decisions:
         return replace(result, failures=kept | new)
 
 
-def decision_of(
-    space: ObservationSpace,
-    *,
-    actions: list[object],
-    speed: object,
-    observation: object,
-    front_is_free: bool,
-    lane: object,
-    acceleration: object,
-) -> Decision:
-    """Return the decision of a tier's answers; an answer of None stands for no solution.
+def decision_of(space: ObservationSpace, answers: Mapping[Question, Any], scene: Scene) -> Decision:
+    """Return the decision of a tier's answers about a scene; an answer of None stands for no solution.
 
     Raises:
         RuleFailure: an answer is not usable.
         UserError: the rules offer an action that the agent does not know.
     """
-    safe = tuple(dict.fromkeys(action_of_atom(atom) for atom in actions))
+    safe = tuple(dict.fromkeys(action_of_atom(atom) for atom in answers[ACTIONS]))
     if not safe:
         raise RuleFailure("the rules offer no action")
-    for question, answer in ((SPEED, speed), (STATE, observation), (LANE, lane), (COMFORT, acceleration)):
+    for question, answer in answers.items():
         if answer is None:
             raise RuleFailure(f"{question} has no solution")
-    target_speed = _number(speed)
+    target_speed = _number(answers[SPEED])
     if not _is_speed(target_speed):
-        raise RuleFailure(f"{SPEED} gave {speed!r}; expected a speed in m/s, 0 or more")
-    numbers = _observed(space, observation)
+        raise RuleFailure(f"{SPEED} gave {answers[SPEED]!r}; expected a speed in m/s, 0 or more")
+    numbers = _observed(space, answers[STATE])
+    lane = answers.get(LANE, scene.target_lane)
     if not isinstance(lane, int):
         raise RuleFailure(f"{LANE} gave {lane!r}; expected a lane")
-    comfortable = _number(acceleration)
+    wish = answers.get(COMFORT, NO_WISH)
+    comfortable = _number(wish)
     if not _is_wish(comfortable):
-        raise RuleFailure(f"{COMFORT} gave {acceleration!r}; expected an acceleration in m/s²")
-    return Decision(safe, target_speed, numbers, front_is_free, lane, comfortable)
+        raise RuleFailure(f"{COMFORT} gave {wish!r}; expected an acceleration in m/s²")
+    return Decision(safe, target_speed, numbers, answers[FREE], lane, comfortable)
 
 
 def _observed(space: ObservationSpace, answer: object) -> tuple[float, ...]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from drlsl.logic import Engine
+
 
 @dataclass(frozen=True, slots=True)
 class Question:
@@ -49,6 +51,13 @@ ENTRY: Final = Question("entry_is_safe")
 
 NAMES: Final = Question("state_names", "Names", required=False)
 BOUNDS: Final = Question("state_bounds", "Bounds", required=False)
+
+
+def questions_of_a_decision(engine: Engine) -> list[Question]:
+    """Return the questions whose answers make a decision of a program."""
+    optional = (one for one in (LANE, COMFORT) if engine.defines(one.name, one.arity))
+    return [ACTIONS, SPEED, STATE, FREE, *optional]
+
 
 QUESTIONS: Final = (ACTIONS, FREE, SPEED, STATE, ENTRY, LANE, COMFORT)
 """The questions about a scene; `NAMES` and `BOUNDS` are asked once, before there is any."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from drlsl.driving.scene import SCHEMA, Facts, Scene
-from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure, fail_safe
+from drlsl.driving.shield.decision import Decision, Decisions, RuleFailure, decision_of, fail_safe
 from drlsl.driving.shield.observation import ObservationSpace
+from drlsl.driving.shield.questions import Question
 from drlsl.lowering.ir import Undecided
 
 if TYPE_CHECKING:
@@ -65,6 +67,8 @@ class SceneTier(ABC):
 
     name: str
     observation: ObservationSpace
+    asked: Sequence[Question]
+    """The questions whose answers make a decision."""
 
     @abstractmethod
     def decide_scene(self, scene: Scene) -> Decision:
@@ -84,6 +88,15 @@ class SceneTier(ABC):
             RuleFailure: the rules raised an error.
             Undecided: only the interpreter can tell.
         """
+
+    def decision(self, scene: Scene, answers: Iterable[Any]) -> Decision:
+        """Return the decision that the answers to `asked` make.
+
+        Raises:
+            RuleFailure: they are not usable.
+            UserError: the rules offer an action that the agent does not know.
+        """
+        return decision_of(self.observation, dict(zip(self.asked, answers, strict=True)), scene)
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
