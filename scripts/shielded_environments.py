@@ -21,7 +21,7 @@ import gymnasium
 import numpy as np
 
 from drlsl import LogicShield
-from drlsl.shield.environments import shield_frozen_lake
+from drlsl.shield.environments import shield_frozen_lake, shield_minigrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +61,24 @@ def _lake(size: str, *, slippery: bool) -> Case:
     )
 
 
+def _grid(name: str) -> Case:
+    return Case(
+        partial(gymnasium.make, f"minigrid:MiniGrid-{name}-v0"),
+        shield_minigrid,
+        accident=lambda _, world: getattr(world.grid.get(*world.agent_pos), "type", "") == "lava",
+        arrival=lambda reward, _: reward > 0,
+        package="minigrid",
+    )
+
+
 CASES: Final[Mapping[str, Case]] = {
     "FrozenLake 4x4": _lake("4x4", slippery=False),
     "FrozenLake 8x8": _lake("8x8", slippery=False),
     "FrozenLake 4x4, slippery": _lake("4x4", slippery=True),
     "FrozenLake 8x8, slippery": _lake("8x8", slippery=True),
+    "MiniGrid LavaGapS7": _grid("LavaGapS7"),
+    "MiniGrid LavaCrossingS9N1": _grid("LavaCrossingS9N1"),
+    "MiniGrid DistShift1": _grid("DistShift1"),
 }
 
 

@@ -1,3 +1,4 @@
 from .frozen_lake import frozen_lake_facts, shield_frozen_lake
+from .minigrid import minigrid_facts, shield_minigrid
 
-__all__ = ["frozen_lake_facts", "shield_frozen_lake"]
+__all__ = ["frozen_lake_facts", "minigrid_facts", "shield_frozen_lake", "shield_minigrid"]
