@@ -177,7 +177,6 @@ def test_the_command_line_starts_light() -> None:
 def test_no_other_back_end_loads_torch() -> None:
     modules = sorted((PACKAGE / "lowering" / "backends").glob("*.py"))
     names = [name_of(path) for path in modules if path.name not in TORCH_BACK_END]
-    names = [name for name in names if "numba" not in name]  # an extra
     assert "torch" not in loaded_by(f"import {', '.join(names)}")
 
 

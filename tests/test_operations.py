@@ -135,7 +135,7 @@ def test_a_value_used_twice_may_be_computed_where_it_has_none(
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "arity"), COVERED)
 def test_machine_code_says_the_same_of_every_row(name: str, arity: int) -> None:
-    pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
+    pytest.importorskip("numba", reason="Numba is not installed")
     rng = np.random.default_rng(3)
     scenes = [scene(*rng.normal(0, 3, 2).tolist(), *rng.integers(-20, 20, 2).tolist()) for _ in range(40)]
     scenes += [scene(-0.49999999999999994, 0.0, -1, 0), scene(0.5, -0.0, 2**53, -1), scene(2.5, 2.0, 1, 40)]
@@ -146,7 +146,7 @@ def test_machine_code_says_the_same_of_every_row(name: str, arity: int) -> None:
 
 
 def test_machine_code_calls_functions_of_integers_and_of_floats() -> None:
-    pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
+    pytest.importorskip("numba", reason="Numba is not installed")
     values = "A is round(Y), B is log2(Z), C is gcd(M, N) << 2, D is M rem N"
     engine = Engine()
     engine.consult_text(f"p(A, B, C, D) :- numbers(Y, Z), integers(M, N), {values}.")

@@ -86,7 +86,7 @@ def array_compiler(name: str) -> Compiler:
 
         return compile_torch
     if find_spec("numba") is None:
-        raise UserError("the numba tier needs numba, which is not installed: pip install 'drlsl[fast]'")
+        raise UserError("the numba tier needs numba, which is not installed: pip install numba")
     from drlsl.lowering.backends import compile_numba
 
     return partial(compile_numba, folder=cache_folder() / "rules")

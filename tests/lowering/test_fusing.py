@@ -28,7 +28,7 @@ def test_a_product_is_rounded_before_it_is_added_to() -> None:
     tiers = Tiers(engine, SCHEMA, query)
     assert tiers.check([FACTS] * 64) == 64
     assert tiers.scalar(FACTS) == (True,)
-    pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
+    pytest.importorskip("numba", reason="Numba is not installed")
     from drlsl.lowering.backends import compile_numba
 
     program = compile_numba(lower(engine, SCHEMA, [query]))

@@ -29,7 +29,7 @@ from tests.lowering.test_rules import PROGRAMS, engine, facts
 from tests.lowering.tiers import Facts, array_value, ask, columns_of, expected_value, to_rows
 from tests.scenes import road, scenes
 
-pytest.importorskip("numba", reason="Numba is not there: install drlsl[fast]")
+pytest.importorskip("numba", reason="Numba is not installed")
 
 ACTIONS = query_of(shield.ACTIONS)
 DRIVING = tuple(

@@ -35,7 +35,7 @@ def compile_numba(lowered: Lowered, folder: Path | None = None) -> NumbaProgram:
     warning is logged.
 
     Raises:
-        ImportError: Numba is not installed: install drlsl[fast].
+        ImportError: Numba is not installed, or does not load.
         NotLowerable: a query's answer has no form as an array.
     """
     from drlsl.lowering.backends.numba_compile import compiled
