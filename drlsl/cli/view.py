@@ -46,7 +46,7 @@ def view(
     if not out.parent.is_dir():
         raise UserError(f"{out}: there is no folder {out.parent}")
     episodes = [episode for name in what for episode in _episodes(Path(name), rules)]
-    write_page(out, episodes, title=title or _title(episodes), every=every)
+    write_page(out, episodes, title=title or _title(episodes), rules=rules or (), every=every)
     frames = sum(map(len, episodes))
     typer.echo(f"wrote {out}: {len(episodes)} episodes, {frames} frames, {out.stat().st_size / 1000:.0f} kB")
 

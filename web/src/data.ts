@@ -73,8 +73,10 @@ export interface EpisodeData {
   program: number;
 }
 
+// The numbers that a scene.json may leave out.
+export type Defaults = Record<"vy_mps" | "length_m" | "width_m" | "time_step_s" | "radar_range_m", number>;
+
 export interface ProgramData {
-  files: string[];
   // The module as text, deflated; or why there is none.
   module: string | null;
   refused: string;
@@ -89,6 +91,7 @@ export interface Data {
   none: number;
   actions: string[];
   colours: Record<string, string>;
+  defaults: Defaults;
   episodes: EpisodeData[];
   programs: ProgramData[];
   show: number[];

@@ -2,19 +2,23 @@
 import { actionWords, wordsOf, type Clause, type Data, type Moment, type Objection } from "./data";
 import type { Drive } from "./drive";
 import { attribute, make, write } from "./dom";
+import { Editor } from "./edit";
 import { drawRoad, type Camera, type Look } from "./road";
+import type { Rules } from "./rules";
 
 export class Panel {
   readonly element: HTMLElement;
   readonly canvas: HTMLCanvasElement;
-  readonly tools = make("div", { class: "tools" });
+  private readonly tools = make("div", { class: "tools" });
   frame = 0;
   moment: Moment;
   camera: Camera | null = null;
   // A moment that was changed in the page, in place of the recorded one.
-  changed: Moment | null = null;
-  selected: string | null = null;
-  clauses: Clause[];
+  private changed: Moment | null = null;
+  private selected: string | null = null;
+  private held: Camera | null = null;
+  private readonly clauses: Clause[];
+  private changedClauses: Clause[] = [];
   private readonly facts = make("p", { class: "facts" });
   private readonly alarm = make("p", { class: "alarm", role: "status" });
   private readonly cards: ActionCard[];
@@ -55,8 +59,41 @@ export class Panel {
   }
 
   draw(): void {
-    const look: Look = { colours: this.page.colours, selected: this.selected, only: null };
-    this.camera = drawRoad(this.canvas, this.moment, look);
+    const look: Look = { colours: this.page.colours, selected: this.selected };
+    this.camera = drawRoad(this.canvas, this.moment, look, this.held);
+  }
+
+  resized(): void {
+    for (const card of this.cards) card.resized();
+  }
+
+  // Let the rules decide scenes that are changed here, or say why they cannot.
+  offerEditing(rules: Rules, pause: () => void, say: (words: string) => void): void {
+    this.changedClauses = rules.program.clauses;
+    const editor = new Editor(this.canvas, rules, {
+      moment: () => this.moment,
+      camera: () => this.camera,
+      show: (moment, selected) => this.showChanged(moment, selected),
+      hold: (camera) => {
+        this.held = camera;
+      },
+      begin: pause,
+      say: (words) => say(`${words} ${this.summary()}`),
+    });
+    this.tools.append(editor.element);
+  }
+
+  refuseEditing(reason: string): void {
+    this.tools.append(make("p", { class: "hint" }, `Vehicles cannot be dragged here: ${reason}`));
+  }
+
+  private showChanged(moment: Moment | null, selected: string | null): void {
+    this.changed = moment;
+    this.selected = selected;
+    this.element.classList.toggle("changed", moment !== null);
+    this.moment = moment ?? this.drive.moment(this.frame);
+    this.draw();
+    this.tell();
   }
 
   // What a screen reader says of the moment.
@@ -72,7 +109,9 @@ export class Panel {
 
   private factWords(): string {
     const { moment } = this;
-    const words = [`${Math.abs(moment.scene.ego.vx_mps).toFixed(1)} m/s`, `target ${moment.targetSpeed.toFixed(1)} m/s`];
+    const words = [`${Math.abs(moment.scene.ego.vx_mps).toFixed(1)} m/s`];
+    if (Number.isFinite(moment.targetSpeed)) words.push(`target ${moment.targetSpeed.toFixed(1)} m/s`);
+    if (this.changed !== null) words.push("changed by you");
     if (moment.distance !== null) words.push(`${moment.distance.toFixed(0)} m`);
     return words.join(" · ");
   }
@@ -83,8 +122,8 @@ export class Panel {
     const ending = last && this.changed === null ? drive.data.ending.words : "";
     write(this.facts, this.factWords());
     write(this.alarm, moment.failure === "" ? ending : `fail-safe: ${moment.failure}`);
-    this.cards.forEach((card, n) => card.tell(moment, n, this.clauses));
-    moment.observation.forEach((value, n) => write(this.observed[n]!, value.toFixed(3)));
+    this.cards.forEach((card, n) => card.tell(moment, n, this.changed === null ? this.clauses : this.changedClauses));
+    this.observed.forEach((cell, n) => write(cell, moment.observation[n]?.toFixed(3) ?? "–"));
     const told = this.summary();
     if (told !== this.shown) attribute(this.canvas, "aria-label", told);
     this.shown = told;
@@ -98,6 +137,7 @@ class ActionCard {
   private readonly chosen = make("span", { class: "chosen" });
   private readonly reasons = make("ul", { class: "reasons" });
   private told = "";
+  private tallest = 0;
 
   constructor(action: string, private readonly wants: string) {
     const name = make("strong", {}, actionWords(action));
@@ -113,6 +153,19 @@ class ActionCard {
     this.tellReasons(offered ? [] : moment.objections[action]!, offered || moment.failure !== "", clauses);
   }
 
+  // The card keeps the height of the longest reasons so far, or all below it would jump while time runs.
+  private settle(): void {
+    if (this.element.offsetHeight <= this.tallest) return;
+    this.tallest = this.element.offsetHeight;
+    this.element.style.minHeight = `${this.tallest}px`;
+  }
+
+  resized(): void {
+    this.tallest = 0;
+    this.element.style.minHeight = "";
+    this.settle();
+  }
+
   private tellReasons(found: Objection[], silent: boolean, clauses: Clause[]): void {
     const words = found.map((one) => `${wordsOf(one)}\0${one.clause}`).join("\n");
     if (words === this.told && words !== "") return;
@@ -120,10 +173,12 @@ class ActionCard {
       const none = silent ? "" : "not derived by the rules";
       if (this.told !== `-${none}`) this.reasons.replaceChildren(...(none === "" ? [] : [make("li", {}, none)]));
       this.told = `-${none}`;
+      this.settle();
       return;
     }
     this.told = words;
     this.reasons.replaceChildren(...found.map((one) => make("li", {}, wordsOf(one), clauseOf(clauses[one.clause]))));
+    this.settle();
   }
 }
 

@@ -64,13 +64,12 @@ export function dimension(ego: Box, other: Box, objection: Objection): { from: n
 export interface Look {
   colours: Record<string, string>;
   selected: string | null;
-  // Refused actions whose reasons are drawn; null for all.
-  only: number | null;
 }
 
-export function drawRoad(canvas: HTMLCanvasElement, moment: Moment, look: Look): Camera {
+// Draws a moment and returns the camera; a camera that is held shows the same stretch of road as before.
+export function drawRoad(canvas: HTMLCanvasElement, moment: Moment, look: Look, held: Camera | null): Camera {
   const width = canvas.clientWidth || 600;
-  const camera = cameraOf(moment.scene, width);
+  const camera = held ?? cameraOf(moment.scene, width);
   const ratio = window.devicePixelRatio || 1;
   const size: [number, number] = [Math.round(width * ratio), Math.round(camera.height * ratio)];
   if (canvas.width !== size[0] || canvas.height !== size[1]) {
@@ -202,16 +201,11 @@ class Painter {
     context.stroke();
   }
 
-  private shown(): Objection[] {
-    const { only } = this.look;
-    return this.moment.objections.flatMap((found, action) => (only === null || only === action ? found : []));
-  }
-
   private gaps(): void {
     const cars = new Map<string, Vehicle>(this.scene.vehicles.map((car) => [car.id, car]));
     const ego = this.scene.ego;
     const named = new Set<string>();
-    for (const objection of this.shown()) {
+    for (const objection of this.moment.objections.flat()) {
       for (const name of namesIn(objection)) named.add(name);
       const car = cars.get(objection.vehicle ?? "");
       const line = car === undefined ? null : dimension(ego, car, objection);

@@ -1,8 +1,10 @@
 // Several episodes side by side, with one clock.
-import type { Data } from "./data";
+import type { Data, ProgramData } from "./data";
 import { attribute, make, write } from "./dom";
 import { Drive, inflate } from "./drive";
+import { EDIT_KEYS } from "./edit";
 import { Panel } from "./panel";
+import { Rules } from "./rules";
 import { MARKS, nextMark, Timeline } from "./timeline";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
@@ -17,8 +19,10 @@ const KEYS: [string, string][] = [
 
 export class Viewer {
   private readonly drives = new Map<number, Promise<Drive>>();
+  private readonly rules = new Map<ProgramData, Promise<Rules>>();
   private readonly panels: Panel[] = [];
   private readonly place = make("section", { class: "panels", "aria-label": "Episodes" });
+  private readonly footer = make("footer", { class: "controls" });
   private readonly play = make("button", { type: "button", class: "play", click: () => this.toggle() }, "Play");
   private readonly scrub = make("input", { type: "range", min: 0, step: "any", "aria-label": "Time", input: () => this.seek(Number(this.scrub.value)) });
   private readonly clock = make("output", { class: "clock" });
@@ -38,12 +42,16 @@ export class Viewer {
   }
 
   async start(): Promise<void> {
-    this.main.replaceChildren(this.place, this.controls(), this.spoken);
+    this.footer.append(...this.controls());
+    this.main.replaceChildren(this.place, this.footer, this.spoken);
     const [asked, time] = this.asked();
     for (const episode of asked) await this.add(episode);
     this.seek(time);
     document.addEventListener("keydown", (event) => this.key(event));
-    window.addEventListener("resize", () => this.show());
+    window.addEventListener("resize", () => {
+      for (const panel of this.panels) panel.resized();
+      this.show();
+    });
     window.addEventListener("hashchange", () => void this.follow());
     document.documentElement.dataset["ready"] = "true";
   }
@@ -76,14 +84,30 @@ export class Viewer {
   }
 
   private async add(episode: number): Promise<void> {
-    const panel = new Panel(await this.drive(episode), this.data, this.chooser(episode));
+    const panel = await this.panel(episode);
     this.panels.push(panel);
     this.place.append(panel.element);
     this.changed();
   }
 
+  private async panel(episode: number): Promise<Panel> {
+    const panel = new Panel(await this.drive(episode), this.data, this.chooser(episode));
+    const program = this.data.programs[panel.drive.data.program]!;
+    if (program.module === null) {
+      panel.refuseEditing(program.refused);
+      return panel;
+    }
+    let rules = this.rules.get(program);
+    if (rules === undefined) this.rules.set(program, (rules = Rules.load(program, this.data)));
+    void rules.then(
+      (loaded) => panel.offerEditing(loaded, () => this.pause(), (words) => write(this.spoken, words)),
+      (problem) => panel.refuseEditing(`the rules cannot be run by this browser: ${problem}`),
+    );
+    return panel;
+  }
+
   private async replace(panel: Panel, episode: number): Promise<void> {
-    const made = new Panel(await this.drive(episode), this.data, this.chooser(episode));
+    const made = await this.panel(episode);
     this.panels[this.panels.indexOf(panel)] = made;
     panel.element.replaceWith(made.element);
     this.changed();
@@ -112,7 +136,7 @@ export class Viewer {
     return make("h2", {}, select, close);
   }
 
-  private controls(): HTMLElement {
+  private controls(): HTMLElement[] {
     const step = (words: string, label: string, act: () => void): HTMLElement =>
       make("button", { type: "button", "aria-label": label, title: label, click: act }, words);
     const more = step("+ episode", "Show one more episode", () => void this.more());
@@ -123,10 +147,8 @@ export class Viewer {
       swatch.style.background = this.data.colours[colour]!;
       return make("li", {}, swatch, words);
     });
-    const keys = KEYS.map(([key, words]) => make("li", {}, make("kbd", {}, key), ` ${words}`));
-    return make(
-      "footer",
-      { class: "controls" },
+    const keys = [...KEYS, ...EDIT_KEYS].map(([key, words]) => make("li", {}, make("kbd", {}, key), ` ${words}`));
+    return [
       this.marks,
       this.scrub,
       make(
@@ -143,12 +165,12 @@ export class Viewer {
         make(
           "details",
           { class: "help" },
-          make("summary", {}, "Keys and marks"),
+          make("summary", {}, "Keys"),
           make("ul", {}, ...keys),
           make("ul", { class: "legend" }, ...legend),
         ),
       ),
-    );
+    ];
   }
 
   private async more(): Promise<void> {
@@ -167,8 +189,10 @@ export class Viewer {
 
   private changed(): void {
     attribute(this.scrub, "max", String(this.duration));
+    this.footer.hidden = this.duration === 0 && this.data.episodes.length === 1;
     attribute(this.place, "data-count", String(Math.min(this.panels.length, 3)));
     this.show();
+    for (const panel of this.panels) panel.resized();
   }
 
   private show(): void {
@@ -176,7 +200,7 @@ export class Viewer {
     this.timeline.draw(this.panels.map((panel) => panel.drive), this.duration, this.time);
     this.scrub.value = String(this.time);
     attribute(this.scrub, "aria-valuetext", `${this.time.toFixed(1)} seconds`);
-    write(this.clock, `${this.time.toFixed(2)} s of ${this.duration.toFixed(1)} s`);
+    write(this.clock, `${this.time.toFixed(2)} / ${this.duration.toFixed(1)} s`);
   }
 
   seek(time: number): void {

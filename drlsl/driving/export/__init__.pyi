@@ -1,4 +1,5 @@
 from .exported_folder import FORMATS, Format, export_rules
+from .js_files import js_page_module
 from .rule_program import RuleProgram
 from .scenes import draw_scenes
 from .stored import StoredDecision, decide_all
@@ -11,4 +12,5 @@ __all__ = [
     "decide_all",
     "draw_scenes",
     "export_rules",
+    "js_page_module",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from drlsl.driving.export.rule_program import RuleProgram
@@ -12,6 +12,7 @@ from drlsl.driving.export.templates_text import filled
 from drlsl.driving.scene import EGO_LIMITS, Action, scene_defaults, scene_json
 from drlsl.driving.shield import COMFORT, LANE
 from drlsl.lowering.backends import js_source, js_support
+from drlsl.lowering.frontend import Lowered
 
 ULPS: Final = 8
 """How far numbers may be off where exp, sin and the like are called on the way."""
@@ -23,9 +24,42 @@ def js_files(program: RuleProgram, stored: Sequence[StoredDecision]) -> dict[str
     Raises:
         NotLowerable: the program cannot be lowered, or calls a function that JavaScript lacks.
     """
-    lowered = [program.decision(ordered=True), *([program.reasons()] if program.has_reasons else [])]
-    names = ["answer_decision", "answer_reasons"]
-    texts = [js_source(one, name) for one, name in zip(lowered, names, strict=False)]
+    lowered = _lowered(program)
+    check = filled(
+        "check.mjs",
+        HEAD=program.head("//"),
+        COUNT=str(len(stored)),
+        ULPS="0" if all(map(program.is_exact, lowered.values())) else str(ULPS),
+    )
+    decisions = [{"scene": json.loads(scene_json(one.scene)), "decision": one.as_json()} for one in stored]
+    lines = ",\n".join(json.dumps(one, separators=(",", ":"), allow_nan=False) for one in decisions)
+    return {
+        "rules.mjs": _module(program, lowered),
+        "check.mjs": check,
+        "decisions.json": f"[\n{lines}\n]\n",
+    }
+
+
+def js_page_module(program: RuleProgram) -> str:
+    """Return `rules.mjs` with a function more: `decide_with_clauses(scene)`, for a page that explains.
+
+    Raises:
+        NotLowerable: see `js_files`.
+    """
+    lowered = _lowered(program)
+    if not program.has_reasons:
+        return _module(program, lowered, filled("clauses.mjs") + "function answer_clauses() { return []; }\n")
+    return _module(program, lowered | {"answer_clauses": program.clause_reasons()}, filled("clauses.mjs"))
+
+
+def _lowered(program: RuleProgram) -> dict[str, Lowered]:
+    """Return what is asked of a program, by the name of the function that answers it."""
+    reasons = {"answer_reasons": program.reasons()} if program.has_reasons else {}
+    return {"answer_decision": program.decision(ordered=True), **reasons}
+
+
+def _module(program: RuleProgram, lowered: Mapping[str, Lowered], more: str = "") -> str:
+    texts = [js_source(one, name) for name, one in lowered.items()]
     space, defaults = program.shield.observation, scene_defaults()
     module = filled(
         "rules.mjs",
@@ -44,15 +78,7 @@ def js_files(program: RuleProgram, stored: Sequence[StoredDecision]) -> dict[str
         SUPPORT=js_support(texts),
         PROGRAM="\n".join(texts),
     )
-    check = filled(
-        "check.mjs",
-        HEAD=program.head("//"),
-        COUNT=str(len(stored)),
-        ULPS="0" if all(map(program.is_exact, lowered)) else str(ULPS),
-    )
-    decisions = [{"scene": json.loads(scene_json(one.scene)), "decision": one.as_json()} for one in stored]
-    lines = ",\n".join(json.dumps(one, separators=(",", ":"), allow_nan=False) for one in decisions)
-    return {"rules.mjs": module, "check.mjs": check, "decisions.json": f"[\n{lines}\n]\n"}
+    return module + more
 
 
 def _json(value: Any) -> str:

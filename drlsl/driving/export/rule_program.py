@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from drlsl.driving.explain import split_objections
 from drlsl.driving.scene import SCHEMA, action_of_atom
 from drlsl.driving.shield import (
     ACTIONS,
@@ -103,6 +104,14 @@ class RuleProgram:
             action_of_atom(action.name)
             _check_reason(action.name, reason)
         return lowered
+
+    def clause_reasons(self) -> Lowered:
+        """Return the objections of each clause of `objection/2` lowered, in the order of the clauses.
+
+        Raises:
+            NotLowerable: see `reasons`.
+        """
+        return self._lowered([Query(name, 2, "all") for name in split_objections(self.shield.engine)])
 
     @staticmethod
     def is_exact(lowered: Lowered) -> bool:

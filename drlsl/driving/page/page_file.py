@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -15,8 +15,9 @@ import numpy as np
 
 from drlsl.driving.episodes import Episode
 from drlsl.driving.page.packed_columns import FINE, NONE, STEP, pack
+from drlsl.driving.page.page_program import page_program
 from drlsl.driving.rendering import COLOURS
-from drlsl.driving.scene import ATOMS, scene_json
+from drlsl.driving.scene import ATOMS, scene_defaults, scene_json
 from drlsl.errors import UserError
 from drlsl.files import write_atomic
 from drlsl.traffic import Integers
@@ -54,11 +55,12 @@ def write_page(
     episodes: Sequence[Episode],
     *,
     title: str,
-    programs: Sequence[Mapping[str, Any]] = (),
-    program_of: Sequence[int] = (),
+    rules: Sequence[Path] = (),
     every: int = 1,
 ) -> None:
     """Write a page with some episodes, of which the first are shown.
+
+    `rules`: where the rule files are, if not where the episodes say; `every`: show only every so many frames.
 
     Raises:
         UserError: there are too many frames, or the file cannot be written.
@@ -71,6 +73,9 @@ def write_page(
             f"{total:,} frames in {len(episodes)} episodes are more than the {MOST_FRAMES:,} that a page "
             f"holds: name fewer episodes, or thin them with --every {least}"
         )
+    known: dict[tuple[Any, ...], int] = {}
+    keys = [_program_key(one, rules) for one in episodes]
+    places = [known.setdefault(key, len(known)) for key in keys]
     data = {
         "made_by": f"drlsl {__version__}",
         "title": title,
@@ -79,11 +84,12 @@ def write_page(
         "none": NONE,
         "actions": list(ATOMS),
         "colours": {**{name: _css(*colour) for name, colour in COLOURS.items()}, **_MORE_COLOURS},
+        "defaults": scene_defaults(),
         "episodes": [
-            {**_episode(*one), "program": program_of[n] if program_of else -1}
-            for n, one in enumerate(zip(episodes, frames, strict=True))
+            {**_episode(episode, shown), "program": place}
+            for episode, shown, place in zip(episodes, frames, places, strict=True)
         ],
-        "programs": list(programs),
+        "programs": [page_program(files, dict(digests)) for files, digests in known],
         "show": list(range(min(SHOWN, len(episodes)))),
     }
     # In a script of a page only < could begin something else.
@@ -97,6 +103,12 @@ def write_page(
     }
     page = _PLACE.sub(lambda place: values[place[1]], _asset("page.html"))
     write_atomic(path, page.encode("utf-8"))
+
+
+def _program_key(episode: Episode, rules: Sequence[Path]) -> tuple[Any, ...]:
+    """Return the rule files of an episode, and their digests."""
+    origin = episode.origin
+    return tuple(rules) or origin.rules, tuple(sorted(origin.digests.items()))
 
 
 def _asset(name: str) -> str:
