@@ -9,7 +9,7 @@ from .backends import (
     compile_scalar,
     compile_torch,
 )
-from .check import Finding, PredicateReport, Report, check_program
+from .check import Finding, PredicateReport, Report, check_program, find_mistakes
 from .frontend import Answer, Lowered, Mode, Query, lower
 from .ir import NotLowerable, Relation, Schema, Undecided
 
@@ -35,5 +35,6 @@ __all__ = [
     "compile_numpy",
     "compile_scalar",
     "compile_torch",
+    "find_mistakes",
     "lower",
 ]

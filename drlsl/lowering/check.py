@@ -75,27 +75,36 @@ class Report:
 
 def check_program(engine: Engine, schema: Schema, asked: Sequence[Query] = ()) -> Report:
     """Check a loaded program; `asked` are its queries from outside."""
-    rules = [
-        predicate
-        for key, predicate in engine.program.predicates.items()
-        if key not in schema.relations and predicate.clauses
-    ]
-    findings = [Finding(warning.place, warning.message) for warning in engine.warnings]
-    for predicate in rules:
-        findings.extend(_unreachable(predicate))
-        for clause in predicate.clauses:
-            findings.extend(_undefined(engine, schema, clause))
-            findings.extend(_floundering(clause))
+    rules = _rules(engine, schema)
     called = {key for predicate in rules for clause in predicate.clauses for key in _called(clause.body)}
     called |= {(query.name, query.arity) for query in asked}
     uncalled = [predicate.indicator for predicate in rules if predicate.indicator not in called]
     doubts = {query: _doubts(engine, schema, query) for query in asked}
     return Report(
         tuple(_tiers(engine, schema, predicate) for predicate in rules),
-        tuple(findings),
+        find_mistakes(engine, schema),
         tuple(f"{name}/{arity}" for name, arity in uncalled),
         {query: reasons for query, reasons in doubts.items() if reasons},
     )
+
+
+def find_mistakes(engine: Engine, schema: Schema) -> tuple[Finding, ...]:
+    """Return the findings in a loaded program; facts are those of `schema` and of dynamic predicates."""
+    findings = [Finding(warning.place, warning.message) for warning in engine.warnings]
+    for predicate in _rules(engine, schema):
+        findings.extend(_unreachable(predicate))
+        for clause in predicate.clauses:
+            findings.extend(_undefined(engine, schema, clause))
+            findings.extend(_floundering(clause))
+    return tuple(findings)
+
+
+def _rules(engine: Engine, schema: Schema) -> list[Predicate]:
+    return [
+        predicate
+        for key, predicate in engine.program.predicates.items()
+        if key not in schema.relations and predicate.clauses
+    ]
 
 
 # ---------------------------------------------------------------- tiers

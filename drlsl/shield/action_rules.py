@@ -14,8 +14,9 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.errors import UserError
-from drlsl.logic import Limits
+from drlsl.logic import Limits, Variable
 from drlsl.logic.terms import Atom
+from drlsl.lowering import find_mistakes
 from drlsl.lowering.backends import compile_scalar
 from drlsl.lowering.frontend import Query, lower
 from drlsl.lowering.ir import Kind, NotLowerable, Schema, Undecided
@@ -61,7 +62,7 @@ class ActionRules:
         limits: Limits = LIMITS,
         remember: int = 0,
     ) -> None:
-        """Load the program and check it.
+        """Load the program and check it; findings in it are logged as warnings.
 
         Without a `schema` the facts are those of predicates that the program declares dynamic, and the first
         facts tell the kinds of their columns. What `offer` and `objections` found for `remember`
@@ -89,6 +90,8 @@ class ActionRules:
         for asked in (self._ask, self._reasons):
             for place, problem in clauses_about_others(self._engine, asked, self._problem_with):
                 raise UserError(f"{place}: {problem}")
+        for finding in find_mistakes(self._engine, schema or Schema(())):
+            _LOG.warning("%s", finding)
         self._tier_name = check_tier(tier)
         self._query = Query(self._ask.name, 1, "set")
         self._why = Query(self._reasons.name, 2, "all")
@@ -176,7 +179,7 @@ class ActionRules:
                 self._interpret(found.undecided, facts, found)
             nothing: list[int] = np.flatnonzero(~mask.any(axis=1)).tolist()
             for index in nothing:
-                self.counts.fail(failures.setdefault(index, _NOTHING))
+                self._count_failure(failures.setdefault(index, _NOTHING))
                 mask[index, self._places[self.fallback]] = True
             return Offers(mask, failures)
 
@@ -295,8 +298,15 @@ class ActionRules:
         return interpreter.answers()
 
     def _failed(self, reason: str) -> Offer:
-        self.counts.fail(reason)
+        self._count_failure(reason)
         return Offer((self.fallback,), reason)
+
+    def _count_failure(self, reason: str) -> None:
+        """Count a decision in which the fallback alone is offered; tell of the first."""
+        if not self.counts.fail_safes:
+            told = "the fallback %s alone is offered, this time and as often as `counts` says: %s"
+            _LOG.warning(told, self.fallback, reason)
+        self.counts.fail(reason)
 
     # ------------------------------------------------------------------ names of actions
 
@@ -307,6 +317,10 @@ class ActionRules:
             UserError: it is not among `actions`.
         """
         place = self._places.get(action) if isinstance(action, str) else None
+        if isinstance(action, Variable):
+            raise UserError(
+                f"{self._ask}: an action is a variable without a value; names begin in lower case"
+            )
         if place is None:
             raise UserError(f"{self._ask}: {self._problem_with(self._engine.format(action))}")
         return place

@@ -72,6 +72,10 @@ class FactForms:
         """
         self.check_keys(facts)
         for key, rows in facts.items():
+            if isinstance(rows, str) or not hasattr(rows, "__len__"):
+                raise UserError(
+                    f"facts of {_text(key)} are {rows!r:.80}; expected a list of rows, each a tuple"
+                )
             if self._kinds.get(key) is None and len(rows):
                 self._kinds[key] = _kinds(key, rows)
         self._complete()
@@ -150,7 +154,7 @@ def _kinds(key: Key, rows: Sequence[Sequence[Any]]) -> tuple[Kind, ...]:
     """
     for row in rows:
         if isinstance(row, str) or not hasattr(row, "__len__") or len(row) != key[1]:
-            raise UserError(f"a row of {_text(key)} is {row!r:.80}; expected {key[1]} values")
+            raise UserError(f"a row of {_text(key)} is {row!r:.80}; expected a tuple of {key[1]}")
     return tuple(_kind(key, place, column) for place, column in enumerate(zip(*rows, strict=True)))
 
 
@@ -159,7 +163,12 @@ def _kind(key: Key, place: int, column: Iterable[Any]) -> Kind:
     for value in column:
         kind = _kind_of(value)
         if kind is None:
-            raise UserError(f"column {place} of {_text(key)} is {value!r:.80}; {_EXPECTED}")
+            hint = (
+                "; for what holds or not give a fact of arity 0, [()] or []"
+                if isinstance(value, bool)
+                else ""
+            )
+            raise UserError(f"column {place} of {_text(key)} is {value!r:.80}; {_EXPECTED}{hint}")
         kinds.add(kind)
     if kinds == {"int", "float"}:
         return "float"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -13,8 +12,6 @@ from drlsl.logic.loading import shipped_folder
 
 Rules: TypeAlias = str | Path | Sequence[str | Path]
 """A rule file (a path, or a name such as highway.pl), several, or the text of a program."""
-
-_LOG: Final = logging.getLogger(__name__)
 
 LOADING: Final = Limits(inferences=20_000_000, seconds=60.0)
 """The limits of loading a rule file, its directives included."""
@@ -58,7 +55,7 @@ def rule_file(path: str | Path) -> Path:
 def loaded(rules: Rules) -> Engine:
     """Return an engine with the program of rule files, consulted in order, or of a text.
 
-    A string is a file if it ends in `.pl` and is one line. Findings in the program are logged as warnings.
+    A string is a file if it ends in `.pl` and is one line.
 
     Raises:
         UserError: a file cannot be read, or is not a valid program.
@@ -72,6 +69,4 @@ def loaded(rules: Rules) -> Engine:
                 consult_rules(engine, path)
     except PrologError as error:
         raise UserError(f"the rules cannot be loaded: {error}") from error
-    for warning in engine.warnings:
-        _LOG.warning("%s", warning)
     return engine

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
+import subprocess
+import sys
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +24,7 @@ from drlsl.lowering import Relation, Schema
 from drlsl.masks import FORMATS, MODES, ActionNotOffered, FormatMask
 from tests.shield.walks import ACTIONS, LEFT, RIGHT, RULES, STAY, Walk, facts
 
+PAGE = Path(__file__).parents[2] / "docs" / "logic-shield.md"
 TIERS = ("auto", "interpreter", "scalar", "numpy")
 
 
@@ -242,7 +247,9 @@ WRONG_FACTS: dict[str, tuple[Any, str]] = {
     "with a short row": ({("at", 1): [()], ("cliff", 2): []}, "a row of at/1 is"),
     "with no rows": ({("at", 1): [1], ("cliff", 2): []}, "a row of at/1 is 1"),
     "with None": ({("at", 1): [(None,)], ("cliff", 2): []}, "column 0 of at/1 is None"),
-    "with a bool": ({("at", 1): [(True,)], ("cliff", 2): []}, "column 0 of at/1 is True"),
+    "with a bool": ({("at", 1): [(True,)], ("cliff", 2): []}, "column 0 of at/1 is True; .*arity 0"),
+    "that are no rows": ({("at", 1): 1, ("cliff", 2): []}, "facts of at/1 are 1; expected a list of rows"),
+    "that are a text": ({("at", 1): "a", ("cliff", 2): []}, "facts of at/1 are 'a'; expected a list of rows"),
     "of names and numbers": ({("at", 1): [(1,), ("a",)], ("cliff", 2): []}, "names and numbers"),
     "by a text": ({"at/1": [(1,)]}, "expected \\(name, arity\\)"),
     "that are a list": ([("at", 1)], "expected a mapping"),
@@ -357,3 +364,43 @@ def test_rules_may_come_from_files(tmp_path: Path) -> None:
         assert walk_to(shielded(rules=rules), 1)["shield"]["offered"] == ("stay", "right")
     names = {"lane_keeping": 2, "left_lane_change": 3, "right_lane_change": 4}
     shielded(rules="highway.pl", ask="safe_actions(A)", actions=names, fallback="lane_keeping")
+
+
+@pytest.mark.parametrize("tier", ["interpreter", "auto"])
+def test_rules_that_fail_are_told_at_once_and_once(tier: str, caplog: pytest.LogCaptureFixture) -> None:
+    misspelt = RULES.replace("cliff(Name", "clif(Name")
+    env = shielded(rules=misspelt, tier=tier)
+    assert any("clif/2 is not defined" in message for message in caplog.messages)
+    caplog.clear()
+    for _ in range(3):
+        env.reset(seed=0)
+    told = [message for message in caplog.messages if "the fallback stay alone is offered" in message]
+    assert len(told) == 1
+    assert "clif/2 does not exist; did you mean cliff/2?" in told[0]
+    assert env.counts.fail_safes == 3
+
+
+def test_many_states_in_which_rules_fail_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    rules = shielded(rules=":- dynamic at/1, cliff/2.\noffered(stay) :- at(X), X > 2.", tier="numpy").rules
+    offers = rules.offers([{("at", 1): [(place,)], ("cliff", 2): []} for place in (1, 2, 3)])
+    assert sorted(offers.failures) == [0, 1]
+    (told,) = [message for message in caplog.messages if "the fallback stay alone is offered" in message]
+    assert told.endswith(": the rules offer no action")
+
+
+def test_an_action_without_a_value_is_refused() -> None:
+    env = shielded(rules=":- dynamic at/1, cliff/2.\noffered(Stay) :- at(_).")
+    with pytest.raises(UserError, match="an action is a variable without a value; names begin in lower case"):
+        env.reset(seed=0)
+
+
+def test_the_page_shields_an_environment_in_thirty_lines() -> None:
+    (block,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
+    (printed,) = re.findall(r"^```\n\n((?: {4}.*\n)+)", PAGE.read_text(encoding="utf-8"), re.M)
+    assert len(block.splitlines()) < 30
+    if "Taxi-v4" not in gymnasium.registry:
+        pytest.skip("this Gymnasium has an older Taxi")
+    done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == textwrap.dedent(printed)
+    assert not done.stderr
