@@ -21,7 +21,7 @@ import gymnasium
 import numpy as np
 
 from drlsl import LogicShield
-from drlsl.shield.environments import shield_frozen_lake, shield_minigrid
+from drlsl.shield.environments import shield_frozen_lake, shield_minigrid, shield_straight_road
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +40,16 @@ class Case:
 
 @dataclass(slots=True)
 class Tally:
-    """What happened in some episodes; `seconds` of processor time in their steps."""
+    """What happened in some episodes; `total` reward; `seconds` of processor time in the shield alone."""
 
     accidents: int = 0
     arrivals: int = 0
     steps: int = 0
+    total: float = 0.0
     seconds: float = 0.0
 
     def per_step(self) -> str:
-        """Return the milliseconds of a step."""
+        """Return the milliseconds that the shield adds to a step."""
         return f"{1000 * self.seconds / max(1, self.steps):.2f}"
 
 
@@ -71,6 +72,17 @@ def _grid(name: str) -> Case:
     )
 
 
+def _road(name: str) -> Case:
+    """Return an environment of highway-env in which the ego arrives if it does not crash."""
+    return Case(
+        partial(gymnasium.make, f"highway_env:{name}"),
+        shield_straight_road,
+        accident=lambda _, world: world.vehicle.crashed,
+        arrival=lambda _, world: not world.vehicle.crashed,
+        package="highway_env",
+    )
+
+
 CASES: Final[Mapping[str, Case]] = {
     "FrozenLake 4x4": _lake("4x4", slippery=False),
     "FrozenLake 8x8": _lake("8x8", slippery=False),
@@ -79,29 +91,55 @@ CASES: Final[Mapping[str, Case]] = {
     "MiniGrid LavaGapS7": _grid("LavaGapS7"),
     "MiniGrid LavaCrossingS9N1": _grid("LavaCrossingS9N1"),
     "MiniGrid DistShift1": _grid("DistShift1"),
+    **{name: _road(name) for name in ("highway-fast-v0", "highway-v0", "merge-v0")},
 }
+
+
+class Timed(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """An environment that counts the processor time that it takes itself [s]."""
+
+    seconds = 0.0
+
+    def reset(self, **given: Any) -> Any:
+        """Begin an episode."""
+        started = time.process_time()
+        answer = self.env.reset(**given)
+        self.seconds += time.process_time() - started
+        return answer
+
+    def step(self, action: Any) -> Any:
+        """Take an action."""
+        started = time.process_time()
+        answer = self.env.step(action)
+        self.seconds += time.process_time() - started
+        return answer
 
 
 def played(case: Case, episodes: int, *, shielded: bool) -> Tally:
     """Return what happens in episodes that are seeded by their numbers."""
-    env = case.shield(case.make()) if shielded else case.make()
+    inner = Timed(case.make())
+    env: Any = case.shield(inner) if shielded else inner
     rng = np.random.default_rng(0)
     tally = Tally()
-    started = time.process_time()
     for episode in range(episodes):
+        started = time.process_time()
         _, info = env.reset(seed=episode)
+        tally.seconds += time.process_time() - started
         over = False
         reward: Any = 0.0
         while not over:
             action = rng.choice(np.flatnonzero(info["action_mask"])) if shielded else _any(env, rng)
+            started = time.process_time()
             _, reward, terminated, truncated, info = env.step(int(action))
+            tally.seconds += time.process_time() - started
             tally.steps += 1
+            tally.total += float(reward)
             over = terminated or truncated
         tally.accidents += case.accident(float(reward), env.unwrapped)
         tally.arrivals += case.arrival(float(reward), env.unwrapped)
-    tally.seconds = time.process_time() - started
-    if shielded and env.counts.fail_safes:  # type: ignore[attr-defined]  # a LogicShield
-        print(f"the fallback was needed: {env.counts}", file=sys.stderr)  # type: ignore[attr-defined]
+    tally.seconds -= inner.seconds
+    if shielded and env.counts.fail_safes:
+        print(f"the fallback was needed: {env.counts}", file=sys.stderr)
     env.close()
     return tally
 
@@ -120,17 +158,17 @@ def main(arguments: list[str] | None = None) -> None:
     unknown = set(given.environments) - set(CASES)
     if unknown:
         parser.error(f"{min(unknown)}: no such environment; expected one of {', '.join(CASES)}")
-    print(
-        f"| {given.episodes} episodes | accidents | with the rules | arrivals | with the rules | ms a step |"
-    )
-    print("|---|--:|--:|--:|--:|--:|")
+    columns = "accidents, with the rules, arrivals, with the rules, return, with the rules, ms a decision"
+    print(f"| {given.episodes} episodes | {columns.replace(', ', ' | ')} |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|")
     for name in given.environments or CASES:
         case = CASES[name]
         if find_spec(case.package) is None:
             print(f"{name} is left out: pip install {case.package}", file=sys.stderr)
             continue
         free, held = (played(case, given.episodes, shielded=shielded) for shielded in (False, True))
-        counts = [free.accidents, held.accidents, free.arrivals, held.arrivals, held.per_step()]
+        returns = [f"{tally.total / given.episodes:.2f}" for tally in (free, held)]
+        counts = [free.accidents, held.accidents, free.arrivals, held.arrivals, *returns, held.per_step()]
         print(f"| {name} | {' | '.join(map(str, counts))} |", flush=True)
 
 

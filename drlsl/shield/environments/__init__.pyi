@@ -1,4 +1,12 @@
 from .frozen_lake import frozen_lake_facts, shield_frozen_lake
 from .minigrid import minigrid_facts, shield_minigrid
+from .straight_road import shield_straight_road, straight_road_facts
 
-__all__ = ["frozen_lake_facts", "minigrid_facts", "shield_frozen_lake", "shield_minigrid"]
+__all__ = [
+    "frozen_lake_facts",
+    "minigrid_facts",
+    "shield_frozen_lake",
+    "shield_minigrid",
+    "shield_straight_road",
+    "straight_road_facts",
+]

@@ -1,0 +1,49 @@
+"""highway-env itself behind the rules; pip install highway-env==1.12.1 runs these tests."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+from drlsl.errors import UserError
+from drlsl.logic import Engine
+from drlsl.shield import consult_rules
+from drlsl.shield.environments import shield_straight_road, straight_road_facts
+from drlsl.shield.environments.straight_road import RULES
+from tests.shield.environments.oracle import World
+
+highway_env = pytest.importorskip("highway_env", reason="highway-env is not installed")
+
+
+@pytest.mark.parametrize("name", ["highway-fast-v0", "merge-v0"])
+def test_a_random_policy_does_not_crash(name: str) -> None:
+    env = shield_straight_road(gymnasium.make(name), mode="raise")
+    rng = np.random.default_rng(0)
+    for episode in range(3):
+        _, info = env.reset(seed=episode)
+        over = False
+        while not over:
+            offered = World(straight_road_facts(env.unwrapped)).offered()
+            assert set(info["shield"]["offered"]) == offered
+            *_, terminated, truncated, info = env.step(int(rng.choice(np.flatnonzero(info["action_mask"]))))
+            over = terminated or truncated
+        assert not env.unwrapped.vehicle.crashed  # type: ignore[attr-defined]  # highway-env's own
+    assert env.rules.tier == "scalar"
+    assert env.counts.fail_safes == env.counts.interpreted == 0
+
+
+def test_the_lag_of_the_rules_is_that_of_highway_env() -> None:
+    from highway_env.vehicle.controller import ControlledVehicle
+
+    engine = Engine()
+    consult_rules(engine, RULES)
+    assert [solution["T"] for solution in engine.query("lag(T)")] == [ControlledVehicle.TAU_ACC]
+
+
+def test_an_environment_without_lane_changes_is_refused() -> None:
+    env = gymnasium.make(
+        "highway-fast-v0", config={"action": {"type": "DiscreteMetaAction", "lateral": False}}
+    )
+    with pytest.raises(UserError, match=r"no action lane_left; expected .* longitudinal and lateral"):
+        shield_straight_road(env)
