@@ -65,8 +65,8 @@ class ActionRules:
         """Load the program and check it; findings in it are logged as warnings.
 
         Without a `schema` the facts are those of predicates that the program declares dynamic, and the first
-        facts tell the kinds of their columns. What `offer` and `objections` found for `remember`
-        states is kept, and given again for the same facts.
+        facts tell the kinds of their columns. What was found for `remember` states is kept, and given
+        again for the same facts; facts in arrays are decided anew each time.
 
         Raises:
             UserError: the program cannot be loaded, does not define what is asked, or names an action that is
@@ -169,6 +169,8 @@ class ActionRules:
             UserError: as `offer` does.
         """
         with self._lock:
+            if self._known.most and not isinstance(facts, Mapping):
+                return self._offers_of_each(facts)
             self._learn_many(facts)
             count = count_of(facts)
             self.counts.decisions += count
@@ -236,6 +238,16 @@ class ActionRules:
             return self._tier(many=True).name
 
     # ------------------------------------------------------------------ how
+
+    def _offers_of_each(self, facts: Sequence[Facts]) -> Offers:
+        mask = np.zeros((len(facts), len(self.actions)), dtype=np.bool_)
+        failures = {}
+        for index, each in enumerate(facts):
+            offer = self.offer(each)
+            mask[index, [self._places[name] for name in offer.actions]] = True
+            if offer.failure:
+                failures[index] = offer.failure
+        return Offers(mask, failures)
 
     def _decided(self, facts: Facts) -> Sequence[object]:
         try:

@@ -22,12 +22,12 @@ class StateMemory(Generic[T]):
         """
         if isinstance(most, bool) or not isinstance(most, int) or most < 0:
             raise UserError(f"remember is {most!r}; expected a number of states, 0 for none")
-        self._most: Final = most
+        self.most: Final = most
         self._found: dict[Hashable, T] = {}
 
     def key(self, facts: Facts) -> Hashable | None:
         """Return what tells a state from others; None if nothing is kept for it."""
-        if not self._most or not isinstance(facts, Mapping):
+        if not self.most or not isinstance(facts, Mapping):
             return None
         try:
             key = tuple((relation, tuple(map(tuple, rows))) for relation, rows in facts.items())
@@ -44,6 +44,6 @@ class StateMemory(Generic[T]):
         """Keep what was found for a state."""
         if key is None:
             return
-        if len(self._found) >= self._most:
+        if len(self._found) >= self.most:
             del self._found[next(iter(self._found))]
         self._found[key] = found

@@ -51,13 +51,14 @@ class LogicVectorShield(VectorWrapper[Any, Any, Any], RecordConstructorArgs):
         schema: Schema | None = None,
         limits: Limits = LIMITS,
         penalty: float = PENALTY,
+        remember: int = 0,
     ) -> None:
         """Wrap `env`; the parameters are those of `LogicShield`, but for `facts` and `tier`.
 
         `facts` returns the facts of all N states, given the vector environment without its wrappers: a
         mapping for each, or one whose values are `Rows` of arrays (`ManyFacts`); `of_each` makes such a
-        function of one for a single environment. `tier` is auto (Numba where it is installed), interpreter,
-        scalar, numpy, numba or torch.
+        function of one for a single environment. Only what was found for facts in mappings is remembered.
+        `tier` is auto (Numba where it is installed), interpreter, scalar, numpy, numba or torch.
 
         Raises:
             UserError: as `LogicShield` does.
@@ -81,6 +82,7 @@ class LogicVectorShield(VectorWrapper[Any, Any, Any], RecordConstructorArgs):
             tier=tier,
             schema=schema,
             limits=limits,
+            remember=remember,
         )
         """The rules, which can be asked about any facts."""
         self._fallback = self._actions.places[self._actions.names.index(fallback)]

@@ -15,7 +15,7 @@ import drlsl.shield.action_rules
 from drlsl.errors import UserError
 from drlsl.logic import Limits
 from drlsl.lowering import Relation, Rows, Schema
-from drlsl.shield import ActionRules, Offer
+from drlsl.shield import ActionRules, Facts, Offer
 from drlsl.shield.tiers import array_compiler
 from tests.lowering import programs
 from tests.lowering.plain import compile_plain
@@ -246,6 +246,22 @@ def test_what_the_rules_said_of_a_state_is_remembered() -> None:
         "right": reasons["left"]
     }
     assert times_asked(rules) == 2 + 2
+
+
+def test_many_states_are_remembered_as_single_ones_are() -> None:
+    rules, forgetful = remembering(5), remembering(0)
+    states: list[Facts] = [{("at", 1): [(place,)]} for place in (1, 5, 1, 5, 2)]
+    for _ in range(2):
+        ours, theirs = rules.offers(states), forgetful.offers(states)
+        assert (ours.mask == theirs.mask).all()
+        assert ours.failures == theirs.failures == {}
+    assert rules.counts.decisions == forgetful.counts.decisions == 10
+    assert (times_asked(rules), times_asked(forgetful)) == (3, 10)
+    failing = remembering(5, ":- dynamic at/1.\noffered(left) :- at(X), X > 1.")
+    offers = failing.offers(states)
+    assert offers.mask.tolist() == [[True, False, False], [False, True, False]] * 2 + [[False, True, False]]
+    assert dict(offers.failures) == dict.fromkeys((0, 2), "the rules offer no action")
+    assert failing.counts.fail_safes == 2
 
 
 def test_the_oldest_state_is_forgotten_first() -> None:

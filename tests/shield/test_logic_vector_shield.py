@@ -43,15 +43,18 @@ def plain(told: Any) -> Any:
     return (told.dtype.kind, told.tolist()) if isinstance(told, np.ndarray) else told
 
 
-@pytest.mark.parametrize("tier", ["auto", "interpreter", "scalar", "numpy"])
+@pytest.mark.parametrize(
+    ("tier", "remember"), [("auto", 0), ("interpreter", 0), ("interpreter", 3), ("scalar", 0), ("numpy", 3)]
+)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("mode", ["mask", "replace", "penalise"])
-def test_it_is_many_shields(mode: str, form: str, tier: str) -> None:
+def test_it_is_many_shields(mode: str, form: str, tier: str, remember: int) -> None:
     def one() -> LogicShield:
         return LogicShield(Walk(), RULES, facts=facts, mode=mode, **SETTINGS)
 
     alone = SyncVectorEnv([one] * COUNT)
-    together = LogicVectorShield(walks(), RULES, facts=FORMS[form], mode=mode, tier=tier, **SETTINGS)
+    how = {"facts": FORMS[form], "mode": mode, "tier": tier, "remember": remember}
+    together = LogicVectorShield(walks(), RULES, **how, **SETTINGS)
     rng = np.random.default_rng(1)
     assert plain(alone.reset(seed=3)) == plain(together.reset(seed=3))
     for _ in range(40):
