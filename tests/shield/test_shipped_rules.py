@@ -1,4 +1,4 @@
-"""The rules that ship for known environments, run by SWI-Prolog: the same offers and objections.
+"""The rules that ship for known environments: no findings, and the same offers and objections by SWI-Prolog.
 
 SWI-Prolog keeps the answers of tables in an order of its own, so the order is not compared.
 """
@@ -16,7 +16,8 @@ import pytest
 from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 
 from drlsl.logic import Engine
-from drlsl.shield import Facts, rule_file
+from drlsl.lowering import Schema, find_mistakes
+from drlsl.shield import Facts, rule_file, rules_folder
 from drlsl.shield.environments import frozen_lake_facts
 
 _DRIVER = r"""
@@ -79,6 +80,13 @@ def by_the_engine(path: Path, states: Sequence[Facts]) -> list[list[str]]:
         reasons = [f"{one['Action']}-{engine.format(one['Reason'])}" for one in because]
         found.append(sorted(offered + reasons))
     return found
+
+
+@pytest.mark.parametrize("path", sorted((rules_folder() / "envs").glob("*.pl")), ids=lambda path: path.name)
+def test_the_rules_that_ship_have_no_findings(path: Path) -> None:
+    engine = Engine()
+    engine.consult(path)
+    assert not find_mistakes(engine, Schema(()))
 
 
 @pytest.mark.skipif(shutil.which("swipl") is None, reason="SWI-Prolog is not installed")
