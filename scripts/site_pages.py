@@ -1,4 +1,4 @@
-"""Add files outside docs/ to the documentation site, and an API page for each package.
+"""Add files outside docs/ to the documentation site, an API page for each package, and the playground.
 
 MkDocs loads this file as a hook (mkdocs.yml). A package's page has the names in `__all__` of its `__init__`.
 """
@@ -6,9 +6,12 @@ MkDocs loads this file as a hook (mkdocs.yml). A package's page has the names in
 from __future__ import annotations
 
 import re
+from contextlib import redirect_stdout
 from importlib import import_module
+from io import StringIO
 from pathlib import Path
 from pkgutil import walk_packages
+from tempfile import TemporaryDirectory
 from types import ModuleType
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -17,6 +20,7 @@ from mkdocs.structure.pages import Page
 from pygments.formatters import HtmlFormatter
 
 import drlsl
+from drlsl.cli import run
 
 ROOT = Path(__file__).parents[1]
 
@@ -24,6 +28,8 @@ PAGES = {"index.md": "README.md"} | {
     name: name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")
 }
 """Pages of the site, and the files of the repository that they come from."""
+
+PLAYGROUND = "playground.html"
 
 LINK = re.compile(r"(?<=\]\()(?!https?:|#)([^)#\s]+)")
 
@@ -52,6 +58,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, "api/index.md", content=text))
     for room in rooms():
         files.append(File.generated(config, f"api/{room.__name__}.md", content=_page(room)))
+    files.append(File.generated(config, PLAYGROUND, content=_playground()))
     colours = HtmlFormatter().get_style_defs(".highlight")
     files.append(File.generated(config, "css/code.css", content=colours))
     for file in [*files]:
@@ -98,3 +105,27 @@ def _add_targets(file: File, files: Files, config: MkDocsConfig) -> None:
         if target is None or known or files.get_file_from_path(target):
             continue
         files.append(File.generated(config, target, abs_src_path=str(ROOT / target)))
+
+
+def _playground() -> str:
+    """Return the page of a scene and a drive, in which vehicles can be dragged and the rules answer."""
+    with TemporaryDirectory() as folder:
+        drives, page = Path(folder) / "drives", Path(folder) / PLAYGROUND
+        _drlsl(
+            "eval", "mobil", "--recording", "overtake-test", "--episodes", "1", "--episodes-out", str(drives)
+        )
+        shown = [ROOT / "examples" / "scene.json", *drives.glob("*-shield-on-*")]
+        _drlsl("view", *map(str, shown), "--out", str(page), "--title", "Playground")
+        return page.read_text(encoding="utf-8")
+
+
+def _drlsl(*arguments: str) -> None:
+    """Run a command without its words.
+
+    Raises:
+        RuntimeError: it failed; stderr says why.
+    """
+    with redirect_stdout(StringIO()):
+        status = run(arguments)
+    if status:
+        raise RuntimeError(f"drlsl {' '.join(arguments)}: exit status {status}")

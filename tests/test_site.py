@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -38,6 +39,14 @@ def test_every_name_of_every_room_is_described(site: Path) -> None:
         names = {name for name in import_module(room).__all__ if not name.startswith("__")}
         described = set(re.findall(rf'id="{re.escape(room)}\.(\w+)"', page))
         assert names <= described, f"{room}: {names - described}"
+
+
+def test_the_playground_can_be_reached_and_decides_by_itself(site: Path) -> None:
+    assert 'href="playground.html"' in (site / "index.html").read_text(encoding="utf-8")
+    page = (site / "playground.html").read_text(encoding="utf-8")
+    data = json.loads(re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[0])
+    assert [one["name"].partition(",")[0] for one in data["episodes"]] == ["scene.json", "mobil"]
+    assert all("module" in data["programs"][one["program"]] for one in data["episodes"])
 
 
 def test_the_first_page_is_the_readme_and_leads_to_the_others(site: Path) -> None:
