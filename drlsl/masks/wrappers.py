@@ -52,7 +52,7 @@ class FormatMask(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         return np.asarray(self.env.get_wrapper_attr("action_masks")(), dtype=np.bool_)
 
 
-class FormatVectorMask(VectorWrapper[Any, Any, Any], RecordConstructorArgs):
+class FormatVectorMask(VectorWrapper, RecordConstructorArgs):  # no [...]: in Gymnasium 1.2 it is not generic
     """A vector environment whose action masks have the format of a library.
 
     It needs discrete actions and a method `action_masks()`, which returns the masks (N, A); with SAME_STEP

@@ -27,7 +27,7 @@ def of_each(facts: Callable[[Any], Facts]) -> Callable[[Any], list[Facts]]:
     return lambda envs: [facts(env.unwrapped) for env in envs.envs]
 
 
-class LogicVectorShield(VectorWrapper[Any, Any, Any], RecordConstructorArgs):
+class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in Gymnasium 1.2 it is not generic
     """N environments with discrete actions, of which rules say which are offered, in one call for all.
 
     `info` holds `action_mask` int8 (N, A) and `shield` as a `SyncVectorEnv` of `LogicShield` has them: arrays

@@ -136,15 +136,23 @@ def test_attributes_and_methods_are_those_of_the_vector_environment() -> None:
         env.reset()
 
 
-def test_statistics_of_episodes_reach_the_log() -> None:
-    """Whether Gymnasium's wrapper or Stable-Baselines3's adds them up."""
-    for env in (
-        Sb3VecEnv(RecordEpisodeStatistics(Together([Counting] * 2, autoreset_mode=SAME_STEP))),
-        VecMonitor(Sb3VecEnv(Together([Counting] * 2, autoreset_mode=SAME_STEP))),
-    ):
-        model = MaskablePPO("MlpPolicy", env, n_steps=10, batch_size=10, n_epochs=1, seed=1)
-        model.learn(20)
-        assert [(one["r"], one["l"]) for one in model.ep_info_buffer or []] == [(5.0, 5)] * 4
+NEW = tuple(map(int, gymnasium.__version__.split(".")[:2])) >= (1, 4)
+
+
+@pytest.mark.skipif(not NEW, reason="with SAME_STEP the wrapper of Gymnasium 1.2 leaves out first steps")
+def test_statistics_of_gymnasiums_wrapper_reach_the_log() -> None:
+    assert_logged(Sb3VecEnv(RecordEpisodeStatistics(Together([Counting] * 2, autoreset_mode=SAME_STEP))))
+
+
+def test_statistics_of_a_monitor_reach_the_log() -> None:
+    assert_logged(VecMonitor(Sb3VecEnv(Together([Counting] * 2, autoreset_mode=SAME_STEP))))
+
+
+def assert_logged(env: Any) -> None:
+    """Check that four episodes of five steps are in the model's log."""
+    model = MaskablePPO("MlpPolicy", env, n_steps=10, batch_size=10, n_epochs=1, seed=1)
+    model.learn(20)
+    assert [(one["r"], one["l"]) for one in model.ep_info_buffer or []] == [(5.0, 5)] * 4
 
 
 def trained(shield: Shield) -> tuple[MaskablePPO, NDArray[np.float32]]:

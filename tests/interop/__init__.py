@@ -1,0 +1,1 @@
+"""Trainings in the libraries that users train with: make test-interop."""
