@@ -22,6 +22,9 @@ EpisodesOut = Annotated[
     ),
 ]
 
+PAGE: Final = "view.html"
+"""The page with the episodes of a folder."""
+
 _OTHER: Final = re.compile(r"[^A-Za-z0-9._-]+")
 
 
@@ -58,6 +61,21 @@ class EpisodeFolder:
             UserError: it cannot be written.
         """
         save(self.folder, episode)
+
+    def write_page(self) -> str:
+        """Write a page with all episodes of the folder beside them; return in words what was written.
+
+        Raises:
+            UserError: it cannot be written.
+        """
+        from drlsl.driving.episodes import SUFFIX, load_episode
+        from drlsl.driving.page import least_thinning, write_page
+
+        episodes = [load_episode(path) for path in sorted(self.folder.glob(f"*{SUFFIX}"))]
+        page, every = self.folder / PAGE, least_thinning(episodes)
+        write_page(page, episodes, title=f"{self.who} in {', '.join(self.config.recordings)}", every=every)
+        thinned = "" if every == 1 else f", every {every}th frame"
+        return f"wrote {len(episodes)} episodes to {self.folder}, and {page} to look at them{thinned}"
 
 
 def make_folder(folder: Path) -> None:

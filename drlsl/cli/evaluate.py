@@ -138,6 +138,7 @@ def evaluate(
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
     name, wants = (who, "preferences") if folder is None else (POLICY, "Q-values")
+    recorded = None if episodes_out is None else EpisodeFolder(episodes_out, config.env, who, wants)
     shields: Sequence[ShieldState] = ("on", "off") if shield == "both" else (shield,)
     records = judge(
         [Trial(name, driver, one) for one in shields],
@@ -146,10 +147,12 @@ def evaluate(
         seed=config.seed if seed is None else seed,
         env_config=config.env.model_dump(mode="json"),
         console=Console(stderr=True),
-        recorded=None if episodes_out is None else EpisodeFolder(episodes_out, config.env, who, wants),
+        recorded=recorded,
     )
     if folder is not None:
         folder.save_evaluations(records, EVALUATION_KEY)
+    if recorded is not None:
+        typer.echo(recorded.write_page(), err=True)
     result = {"driver" if folder is None else "run": who, "evaluations": records}
     text = json.dumps(result, indent=1, allow_nan=False)
     if out is not None:

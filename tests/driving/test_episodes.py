@@ -106,6 +106,9 @@ def test_what_faulty_sensing_saw_is_kept_beside_what_was_there() -> None:
         decision = shield.decide(episode.seen_scene(frame))
         assert episode.offered(frame) == tuple(sorted(decision.safe_actions))
         assert episode.answers.target_speed[frame] == decision.target_speed
+        found = [one.objection for one in episode.reasons[frame]]
+        against = objections(shield, episode.seen_scene(frame), decision)
+        assert found == [one for action in sorted(against) for one in against[action]]
         differs += episode.scene(frame).in_range() != episode.seen_scene(frame).vehicles
     assert differs > 3
 
@@ -200,15 +203,44 @@ def test_stress_writes_how_its_worst_contacts_came_about(
     assert run(asked) == 0
     worst = json.loads(capsys.readouterr().out)["worst"]
     assert worst
+    against = 0
     for contact in worst:
         name = f"episode-{contact['episode']}-{contact['verdict']}-v{contact['vehicle']}"
         episode = load_episode(out / f"{name}.npz")
         assert episode.ending.kind == "contact"
         assert episode.ending.verdict == contact["verdict"]
         assert not episode.origin.enforced
+        assert episode.answers.offered.all()
+        against += sum(map(len, episode.reasons))
         scene = load_scene(out / f"{name}.json")
         last = episode.scene(len(episode) - 1)
         assert last.ego == scene.ego
         assert set(scene.vehicles) == set(last.in_range())
         assert episode.moment(len(episode) - 1).alarm.startswith(f"contact with v{contact['vehicle']}")
+        assert not episode.moment(0).unsafe
+    assert against > 0, "what the rules would have refused is told, too"
     assert (out / "worst.html").stat().st_size > 10_000
+
+
+RESTLESS = """
+import numpy as np
+
+DRAWN = np.random.default_rng(1)
+
+def restless(situations):
+    return DRAWN.integers(0, 3, len(situations.offered))
+"""
+
+
+def test_a_driver_that_never_drives_alike_is_told_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its contacts cannot be driven again, so no episode may pass for how they came about."""
+    (tmp_path / "mine.py").write_text(RESTLESS)
+    out = tmp_path / "worst"
+    asked = ["stress", "freeway", "--driver", f"{tmp_path}/mine.py:restless", "--offers", "all"]
+    assert run([*asked, "--episodes", "12", "--out", str(out)]) == 2
+    problem = capsys.readouterr().err
+    assert "went otherwise when it was driven again" in problem
+    assert not list(out.glob("*.npz"))
+    assert list(out.glob("*.json")), "the scenes of the contacts are there all the same"

@@ -58,19 +58,25 @@ def columns_of(packed: str) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def places_of(
-    columns: dict[str, np.ndarray[Any, Any]], names: list[str]
+    columns: dict[str, np.ndarray[Any, Any]], names: list[str], time_step: float
 ) -> dict[tuple[int, str], list[float]]:
     """Return x, y, vx and vy of every vehicle by frame and name."""
     found = {}
     begins, lengths = np.cumsum(columns["v_begin"]), columns["v_frames"]
     tracks: dict[str, list[np.ndarray[Any, Any]]] = {}
-    for name in ("x", "y", "vx", "vy"):
+    for name in ("vx", "vy", "x", "y"):
         steps = np.split(columns[f"v_{name}_steps"], np.cumsum(lengths - 1)[:-1])
         firsts = columns[f"v_{name}_first"]
-        tracks[name] = [np.cumsum([first, *rest]) * 0.02 for first, rest in zip(firsts, steps, strict=True)]
+        tracks[name] = [np.cumsum([first, *rest]) for first, rest in zip(firsts, steps, strict=True)]
+        for track, (begin, length) in enumerate(zip(begins, lengths, strict=True)):
+            if name in ("x", "y"):
+                speed = tracks[f"v{name}"][track]
+                span = np.diff(np.cumsum(columns["frame"])[begin : begin + length] * time_step)
+                driven = np.floor((speed[:-1] + speed[1:]) * span * 0.5 + 0.5)
+                tracks[name][track] = tracks[name][track] + np.cumsum([0, *driven])
     for track, (begin, length) in enumerate(zip(begins, lengths, strict=True)):
         for n in range(length):
-            values = [float(tracks[name][track][n]) for name in ("x", "y", "vx", "vy")]
+            values = [float(tracks[name][track][n]) * 0.02 for name in ("x", "y", "vx", "vy")]
             found[int(begin) + n, names[columns["v_name"][track]]] = values
     return found
 
@@ -80,11 +86,14 @@ def test_the_page_holds_the_drive_to_a_centimetre(tmp_path: Path, episode: Episo
     write_page(out, [episode], title="One")
     (shown,) = data_of(out)["episodes"]
     columns = columns_of(shown["columns"])
-    places = places_of(columns, shown["names"])
+    places = places_of(columns, shown["names"], episode.road.time_step)
     seen = 0
     for frame in range(len(episode)):
         scene = episode.scene(frame)
         for car in (scene.ego, *scene.vehicles):
+            if abs(car.x - scene.ego.x) > 2 * scene.road.radar_range:
+                assert (frame, car.id) not in places
+                continue
             assert places[frame, car.id] == pytest.approx([car.x, car.y, car.vx, car.vy], abs=0.0101)
             seen += 1
     assert seen == len(places)

@@ -49,6 +49,8 @@ export interface ReasonKind {
 export interface Ending {
   kind: "completed" | "contact" | "off_road" | "scene";
   words: string;
+  // The vehicle of a contact.
+  vehicle: string;
 }
 
 export interface EpisodeData {

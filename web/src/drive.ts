@@ -35,6 +35,12 @@ class Columns {
   }
 }
 
+// Speeds in rows like those of the places that they lead to, and the time of a frame [s].
+interface Driven {
+  speed: Int32Array;
+  timeOf: (frame: number) => number;
+}
+
 // Things that last for some frames each, and the rows of values that they have in each frame.
 class Tracks {
   readonly begin: Int32Array;
@@ -65,8 +71,9 @@ class Tracks {
     return this.offset[track]! + frame - this.begin[track]!;
   }
 
-  // The values of the tracks that have this column, in a row for each frame of each track.
-  values(name: string, has: (track: number) => boolean = () => true): Int32Array {
+  // The values of the tracks that have this column, in a row for each frame of each track. Of places the column has what
+  // the mean of the speeds before and after does not tell.
+  values(name: string, driven: Driven | null = null, has: (track: number) => boolean = () => true): Int32Array {
     const first = this.columns.get(`${name}_first`);
     const steps = this.columns.get(`${name}_steps`);
     const values = new Int32Array(this.rows);
@@ -81,6 +88,11 @@ class Tracks {
       for (let n = 1; n < length; n += 1) {
         value += steps[step]!;
         step += 1;
+        if (driven !== null) {
+          const { speed, timeOf } = driven;
+          const frame = this.begin[track]! + n;
+          value += Math.floor((speed[row + n - 1]! + speed[row + n]!) * (timeOf(frame) - timeOf(frame - 1)) * 0.5 + 0.5);
+        }
         values[row + n] = value;
       }
     });
@@ -116,17 +128,17 @@ export class Drive {
     const count = data.frames;
     this.cars = new Tracks(columns, "v", count);
     this.reasons = new Tracks(columns, "r", count);
-    this.x = this.cars.values("v_x");
-    this.y = this.cars.values("v_y");
+    this.frame = columns.sums("frame");
     this.vx = this.cars.values("v_vx");
     this.vy = this.cars.values("v_vy");
+    this.x = this.cars.values("v_x", { speed: this.vx, timeOf: (frame) => this.timeOf(frame) });
+    this.y = this.cars.values("v_y", { speed: this.vy, timeOf: (frame) => this.timeOf(frame) });
     this.lane = this.cars.values("v_lane");
     const kinds = columns.get("r_kind");
     const amount = (track: number) => data.reasons[kinds[track]!]!.arguments.filter((one) => one === null).length;
     this.numbers = Array.from({ length: data.numbers }, (_, place) =>
-      this.reasons.values(`r_number${place}`, (track) => amount(track) > place),
+      this.reasons.values(`r_number${place}`, null, (track) => amount(track) > place),
     );
-    this.frame = columns.sums("frame");
     const each = (name: string) => columns.sums(name);
     this.column = { kinds };
     for (const name of ["target_speed", "distance", "target_lane", "lane_to_keep"]) this.column[name] = each(name);

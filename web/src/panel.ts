@@ -59,7 +59,9 @@ export class Panel {
   }
 
   draw(): void {
-    const look: Look = { colours: this.page.colours, selected: this.selected };
+    const { ending } = this.drive.data;
+    const struck = this.changed === null && this.frame === this.drive.length - 1 ? ending.vehicle : "";
+    const look: Look = { colours: this.page.colours, selected: this.selected, struck };
     this.camera = drawRoad(this.canvas, this.moment, look, this.held);
   }
 
@@ -102,6 +104,7 @@ export class Panel {
     const each = page.actions.map((action, n) => {
       const against = moment.objections[n]!.map(wordsOf).join("; ");
       const why = against === "" ? "" : ` because ${against}`;
+      if (moment.offered[n]! && against !== "") return `${actionWords(action)} is offered against the rules: ${against}`;
       return moment.offered[n]! ? `${actionWords(action)} is offered` : `${actionWords(action)} is refused${why}`;
     });
     return `${this.drive.data.name}: ${this.factWords()}. ${each.join(". ")}.`;
@@ -146,11 +149,12 @@ class ActionCard {
 
   tell(moment: Moment, action: number, clauses: Clause[]): void {
     const offered = moment.offered[action]!;
-    attribute(this.element, "class", `action ${offered ? "offered" : "refused"}`);
-    write(this.badge, offered ? "offered" : "not offered");
+    const against = offered && moment.objections[action]!.length > 0;
+    attribute(this.element, "class", `action ${offered && !against ? "offered" : "refused"}`);
+    write(this.badge, against ? "offered against the rules" : offered ? "offered" : "not offered");
     write(this.chosen, moment.action === action ? "chosen" : "");
     write(this.value, valueWords(moment.preferences, action, this.wants));
-    this.tellReasons(offered ? [] : moment.objections[action]!, offered || moment.failure !== "", clauses);
+    this.tellReasons(moment.objections[action]!, offered || moment.failure !== "", clauses);
   }
 
   // The card keeps the height of the longest reasons so far, or all below it would jump while time runs.
@@ -177,7 +181,14 @@ class ActionCard {
       return;
     }
     this.told = words;
-    this.reasons.replaceChildren(...found.map((one) => make("li", {}, wordsOf(one), clauseOf(clauses[one.clause]))));
+    // A clause stands below the last of its reasons.
+    const order = [...new Set(found.map((one) => one.clause))];
+    const items = order.flatMap((clause) => {
+      const words = found.filter((one) => one.clause === clause).map((one) => make("li", {}, wordsOf(one)));
+      words[words.length - 1]!.append(...[clauseOf(clauses[clause])].filter((one) => one !== null));
+      return words;
+    });
+    this.reasons.replaceChildren(...items);
     this.settle();
   }
 }

@@ -64,6 +64,8 @@ export function dimension(ego: Box, other: Box, objection: Objection): { from: n
 export interface Look {
   colours: Record<string, string>;
   selected: string | null;
+  // The vehicle that the ego is in contact with.
+  struck: string;
 }
 
 // Draws a moment and returns the camera; a camera that is held shows the same stretch of road as before.
@@ -217,14 +219,19 @@ class Painter {
     }
     for (const name of named) {
       const car = cars.get(name);
-      if (car === undefined) continue;
-      const [left, top] = this.point(car.x_m - car.length_m / 2, car.y_m - car.width_m / 2);
-      const [width, height] = [car.length_m * this.camera.along, car.width_m * this.camera.across];
-      this.context.strokeStyle = this.colour("refused");
-      this.context.lineWidth = 3;
-      this.context.strokeRect(left - 3, top - 3, width + 6, height + 6);
-      this.label(`${name} ${Math.abs(car.vx_mps).toFixed(1)} m/s`, left + width / 2, top - 8);
+      if (car !== undefined) this.frame(car, `${name} ${Math.abs(car.vx_mps).toFixed(1)} m/s`, "refused");
     }
+    const struck = cars.get(this.look.struck);
+    if (struck !== undefined) this.frame(struck, `contact with ${struck.id}`, "alarm");
+  }
+
+  private frame(car: Box, words: string, colour: string): void {
+    const [left, top] = this.point(car.x_m - car.length_m / 2, car.y_m - car.width_m / 2);
+    const [width, height] = [car.length_m * this.camera.along, car.width_m * this.camera.across];
+    this.context.strokeStyle = this.colour(colour);
+    this.context.lineWidth = 3;
+    this.context.strokeRect(left - 3, top - 3, width + 6, height + 6);
+    this.label(words, left + width / 2, top - 8);
   }
 
   private label(words: string, x: number, y: number): void {
@@ -247,7 +254,8 @@ class Painter {
       const nose = ego.x_m + ahead * (ego.length_m / 2 + 0.5);
       const begin = this.point(nose, ego.y_m);
       const end = this.point(nose + ahead * ARROW, ego.y_m + aside[action]! * ahead * lane.width_m);
-      const colour = this.colour(offered ? "offered" : "refused");
+      const against = this.moment.objections[action]!.length > 0;
+      const colour = this.colour(offered && !against ? "offered" : "refused");
       this.line([begin, end], colour, 3);
       if (offered) this.head(begin, end, colour);
       else this.cross(end, colour);

@@ -2,6 +2,8 @@
 import type { Drive, Mark, MarkKind } from "./drive";
 
 const ROW = 20;
+// The time line begins and ends where the middle of the slider's knob does [pixel].
+const INSET = 8;
 
 export const MARKS: Record<MarkKind, [string, string]> = {
   change: ["offered", "lane change"],
@@ -19,7 +21,7 @@ export class Timeline {
   ) {
     const at = (event: PointerEvent): void => {
       const box = canvas.getBoundingClientRect();
-      seek(((event.clientX - box.left) / box.width) * this.duration);
+      seek(((event.clientX - box.left - INSET) / (box.width - 2 * INSET)) * this.duration);
     };
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
@@ -47,18 +49,18 @@ export class Timeline {
     context.clearRect(0, 0, width, height);
     drives.forEach((drive, row) => this.row(context, drive, 2 + row * ROW, width));
     context.fillStyle = this.colours["cursor"]!;
-    context.fillRect((time / this.duration) * width - 1, 0, 2, height);
+    context.fillRect(INSET + (time / this.duration) * (width - 2 * INSET) - 1, 0, 2, height);
   }
 
   private row(context: CanvasRenderingContext2D, drive: Drive, top: number, width: number): void {
-    const scale = width / this.duration;
+    const scale = (width - 2 * INSET) / this.duration;
     context.fillStyle = this.colours["track"]!;
-    context.fillRect(0, top + ROW / 2 - 3, drive.duration * scale, 6);
+    context.fillRect(INSET, top + ROW / 2 - 3, drive.duration * scale, 6);
     const order: MarkKind[] = ["entry", "intervention", "failure", "change", "contact"];
     for (const kind of order) {
       context.fillStyle = this.colours[MARKS[kind][0]]!;
       for (const mark of drive.marks) {
-        if (mark.kind === kind) draw(context, kind, drive.timeOf(mark.frame) * scale, top + ROW / 2);
+        if (mark.kind === kind) draw(context, kind, INSET + drive.timeOf(mark.frame) * scale, top + ROW / 2);
       }
     }
   }

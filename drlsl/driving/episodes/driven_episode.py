@@ -102,8 +102,9 @@ class Episode:
     (T,) ids; `distance` (T,) driven [m]. `action` (T,): what the driver chose in the frame, `NO_DECISION`
     where it was not asked; `preferences` (T, A): how much it wanted each action, NaN where it was not asked.
     `changed` (T,): a lane change began; `entered` (T,): the ego was placed anew at the beginning of the
-    stretch. `reasons`: by frame, what speaks against actions that were not offered; `failures`: by frame, why
-    the rules failed, so that the fail-safe drove.
+    stretch. `reasons`: by frame, what speaks against actions that were not offered, or against any where
+    all are offered, whatever the rules say; `failures`: by frame, why the rules failed, so that the fail-safe
+    drove.
     """
 
     origin: Origin
@@ -143,6 +144,8 @@ class Episode:
         """Return a frame as it is drawn."""
         unsafe: dict[Action, list[Objection]] = {}
         for reason in self.reasons[frame]:
+            if self.answers.offered[frame, reason.action]:
+                continue
             unsafe.setdefault(reason.action, []).append(reason.objection)
         failure = self.failures.get(frame, "")
         last = frame == len(self) - 1 and self.ending.kind in ("contact", "off_road")

@@ -101,11 +101,13 @@ class EpisodeRecorder:
         world = self._world
         decision, seen = world.decisions.one(ego), world.scene(ego)
         failure = world.decisions.failures.get(ego, "")
+        # Where everything is offered one wants to know what the rules would have refused.
+        offered = () if world.config.offers == "all" else decision.safe_actions
         return _Frame(
             scene=world.traffic_around(ego),
             seen=seen if world.config.sensing.faulty else None,
             decision=decision,
-            reasons=() if failure else self._finder.reasons(seen, decision.safe_actions),
+            reasons=() if failure else self._finder.reasons(seen, offered),
             failure=failure,
             distance=float(world.distance[ego]),
             entered=entered,

@@ -1,6 +1,7 @@
-from .page_file import MOST_FRAMES, write_page
+from .page_file import MOST_FRAMES, least_thinning, write_page
 
 __all__ = [
     "MOST_FRAMES",
+    "least_thinning",
     "write_page",
 ]

@@ -2,7 +2,7 @@
 
 A column is a list of integers in the fewest bytes that hold all of them. Lengths and speeds are multiples of
 `STEP`; what lasts for several frames, a vehicle or a reason, is a track: where it begins, its first values,
-and then their differences from frame to frame.
+and then their differences from frame to frame. Of a vehicle's place, what its speed does not tell is kept.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -25,6 +25,12 @@ STEP: Final = 0.02
 
 FINE: Final = 0.001
 """Observations and the numbers of reasons are multiples of this."""
+
+REACH: Final = 2.0
+"""How far along the road a vehicle may be from the ego to be on the page, in radar ranges."""
+
+JUMP: Final = 200.0
+"""How far no vehicle drives from one frame to the next [m]."""
 
 LEVELS: Final = 30_000
 """Preferences are multiples of their largest magnitude divided by this."""
@@ -128,22 +134,55 @@ def _add_vehicles(columns: Columns, episode: Episode, frames: Integers) -> None:
     """Add the tracks of the vehicles: the ego first in every frame."""
     rows, number = episode.traffic, {int(frame): place for place, frame in enumerate(frames.tolist())}
     tracks: dict[Key, list[tuple[int, int]]] = {}
+    reach = REACH * episode.road.radar_range
     for frame, place in number.items():
-        for row in range(int(rows.begin[frame]), int(rows.begin[frame + 1])):
-            if np.isfinite(rows.numbers[row]).all():
+        first, end = int(rows.begin[frame]), int(rows.begin[frame + 1])
+        near = np.abs(rows.numbers[first:end, 0] - rows.numbers[first, 0]) <= reach
+        for row in range(first, end):
+            if near[row - first] and np.isfinite(rows.numbers[row]).all():
                 tracks.setdefault((int(rows.name[row]), *rows.numbers[row, 4:].tolist()), []).append(
                     (place, row)
                 )
-    whole = [(key, part) for key, found in tracks.items() for part in _without_gaps(found)]
+    whole = [
+        (key, part)
+        for key, found in tracks.items()
+        for piece in _without_gaps(found)
+        for part in _without_jumps(piece, rows.numbers[:, 0])
+    ]
     columns.add("v_name", [key[0] for key, _ in whole])
     columns.add("v_length", steps_of([key[1] for key, _ in whole], STEP))
     columns.add("v_width", steps_of([key[2] for key, _ in whole], STEP))
     columns.add("v_begin", differences(np.array([part[0][0] for _, part in whole], dtype=np.int64)))
     columns.add("v_frames", [len(part) for _, part in whole])
     taken = [np.array([row for _, row in part]) for _, part in whole]
-    for column, name in enumerate(("x", "y", "vx", "vy")):
-        _add_track(columns, f"v_{name}", [steps_of(rows.numbers[part, column], STEP) for part in taken])
+    x, y, vx, vy = ([steps_of(rows.numbers[part, column], STEP) for part in taken] for column in range(4))
+    times = frames * episode.road.time_step
+    spans = [np.diff(times[[place for place, _ in part]]) for _, part in whole]
+    for name, places, speeds in (("x", x, vx), ("y", y, vy)):
+        columns.add(f"v_{name}_first", [int(track[0]) for track in places])
+        beyond = [
+            np.diff(place) - _driven(speed, span)
+            for place, speed, span in zip(places, speeds, spans, strict=True)
+        ]
+        columns.add(f"v_{name}_steps", np.concatenate([np.zeros(0, dtype=np.int64), *beyond]))
+    _add_track(columns, "v_vx", vx)
+    _add_track(columns, "v_vy", vy)
     _add_track(columns, "v_lane", [rows.lane[part] for part in taken])
+
+
+def _driven(speed: Integers, span: Floats) -> Integers:
+    """Return how far a vehicle gets in each span [s] at the mean of its speeds before and after, in steps."""
+    return np.floor((speed[:-1] + speed[1:]) * span * 0.5 + 0.5).astype(np.int64)
+
+
+def _without_jumps(found: Sequence[tuple[int, int]], x: Floats) -> Iterator[list[tuple[int, int]]]:
+    """Yield the pieces of a track between jumps, such as the ego's at the end of the stretch."""
+    begin = 0
+    for place in range(1, len(found)):
+        if abs(x[found[place][1]] - x[found[place - 1][1]]) > JUMP:
+            yield list(found[begin:place])
+            begin = place
+    yield list(found[begin:])
 
 
 def _add_track(columns: Columns, name: str, tracks: Sequence[Integers]) -> None:

@@ -50,6 +50,14 @@ def thinned(episode: Episode, every: int) -> Integers:
     return frames if frames[-1] == len(episode) - 1 else np.append(frames, len(episode) - 1)
 
 
+def least_thinning(episodes: Sequence[Episode]) -> int:
+    """Return the least `every` for which a page holds some episodes, as far as that helps."""
+    every, longest = 1, max(map(len, episodes), default=1)
+    while every < longest and sum(len(thinned(episode, every)) for episode in episodes) > MOST_FRAMES:
+        every += 1
+    return every
+
+
 def write_page(
     path: Path,
     episodes: Sequence[Episode],
@@ -68,7 +76,7 @@ def write_page(
     frames = [thinned(episode, every) for episode in episodes]
     total = sum(map(len, frames))
     if total > MOST_FRAMES:
-        least = -(-total * every // MOST_FRAMES)
+        least = least_thinning(episodes)
         raise UserError(
             f"{total:,} frames in {len(episodes)} episodes are more than the {MOST_FRAMES:,} that a page "
             f"holds: name fewer episodes, or thin them with --every {least}"
@@ -128,7 +136,11 @@ def _episode(episode: Episode, frames: Integers) -> dict[str, Any]:
         "name": episode.origin.name if episode.ending.kind != "scene" else episode.origin.recording,
         "recording": episode.origin.recording,
         "enforced": episode.origin.enforced,
-        "ending": {"kind": episode.ending.kind, "words": episode.ending.words()},
+        "ending": {
+            "kind": episode.ending.kind,
+            "words": episode.ending.words(),
+            "vehicle": episode.ending.vehicle,
+        },
         "wants": episode.origin.wants,
         "road": first["road"],
         "frames": len(number),
