@@ -48,7 +48,10 @@ def _scene_png(scene: Any) -> Any:
 
 
 class _WhenImported(MetaPathFinder):
-    """Finds Gymnasium as usual, once, and has the environments registered when it is loaded."""
+    """Finds Gymnasium as usual, and has the environments registered when it is loaded.
+
+    It stays until then: libraries look for Gymnasium to see whether it is there, and do not load it.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -56,16 +59,20 @@ class _WhenImported(MetaPathFinder):
         if fullname != "gymnasium":
             return None
         sys.meta_path.remove(self)
-        spec = find_spec(fullname)
+        try:
+            spec = find_spec(fullname)
+        finally:
+            sys.meta_path.insert(0, self)
         if spec is not None and spec.loader is not None:
-            spec.loader = _ThenRegister(spec, spec.loader)
+            spec.loader = _ThenRegister(self, spec, spec.loader)
         return spec
 
 
 class _ThenRegister(Loader):
     """Loads a module with its own loader, and registers the environments after."""
 
-    def __init__(self, spec: ModuleSpec, loader: Loader) -> None:
+    def __init__(self, finder: MetaPathFinder, spec: ModuleSpec, loader: Loader) -> None:
+        self._finder = finder
         self._spec = spec
         self._loader = loader
 
@@ -75,4 +82,6 @@ class _ThenRegister(Loader):
     def exec_module(self, module: ModuleType) -> None:
         self._spec.loader = module.__loader__ = self._loader
         self._loader.exec_module(module)
+        if self._finder in sys.meta_path:
+            sys.meta_path.remove(self._finder)
         _register()

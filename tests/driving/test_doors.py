@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -48,6 +50,21 @@ def test_gymnasium_makes_it_however_it_is_asked() -> None:
             envs.step(envs.action_space.sample(mask=tuple(info["action_mask"])))
         finally:
             envs.close()
+
+
+@pytest.mark.parametrize(
+    "before",
+    ["", "import gymnasium", "import importlib.util; importlib.util.find_spec('gymnasium')"],
+    ids=["first", "after gymnasium", "looked for and not loaded, as torchrl does"],
+)
+def test_it_is_registered_whoever_imports_gymnasium_and_when(before: str) -> None:
+    looked = before if "find_spec" in before else ""
+    code = (
+        f"{'' if looked else before}\nimport drlsl\n{looked}\nimport gymnasium, sys\ngymnasium.spec('{ID}')\n"
+    )
+    code += "assert not [one for one in sys.meta_path if type(one).__module__ == 'drlsl.registration']"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("made", CLASSES)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,6 +23,7 @@ NEEDS = {
 }
 """What each needs to be installed."""
 
+ROOT = Path(__file__).parents[2]
 STEPS = 1000
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
@@ -60,6 +62,17 @@ def test_what_bypasses_the_mask_is_known(name: str) -> None:
         with told() as taken:
             bypass()
         assert taken.refused > 0
+
+
+@pytest.mark.parametrize("name", NEEDS)
+def test_the_page_tells_versions_and_what_bypasses_masks(name: str) -> None:
+    page = (ROOT / "docs" / "stacks.md").read_text(encoding="utf-8").replace("`", "")
+    pinned = (ROOT / "tests" / "interop" / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
+    used = stack(name)
+    version = next(line.partition("==")[2] for line in pinned.splitlines() if line.startswith(used.LIBRARY))
+    assert f"| {version} |" in page
+    for title in used.BYPASSES:
+        assert f"| {name} | {title} |" in page
 
 
 @pytest.mark.parametrize("name", ["torchrl", "pettingzoo"])

@@ -80,5 +80,5 @@ class _Observation(torch.nn.Module):
 
 BYPASSES = {
     "Collector.collect(random=True)": bypass_random,
-    "a mask under another key than `mask`": bypass_key,
+    "a mask under another key than mask": bypass_key,
 }
