@@ -34,7 +34,7 @@ def install(name: str) -> str:
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             lines = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
-            return (lines or done.stderr.splitlines() or ["no message"])[0]
+            return (lines or done.stderr.splitlines() or ["no message"])[-1]
     ready.write_text(pinned.read_text())
     return ""
 
@@ -89,7 +89,8 @@ def main() -> int:
     for row in rows:
         for title, count in row["bypasses"].items():
             print(f"{row['library']}: {title}: {count} not offered")
-    print(*failed, sep="\n", file=sys.stderr)
+    for line in failed:
+        print(line, file=sys.stderr)
     return 1 if failed else 0
 
 
