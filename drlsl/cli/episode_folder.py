@@ -12,8 +12,8 @@ import typer
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
-    from drlsl.driving import EnvConfig, HighwayVectorEnv, Shield
-    from drlsl.driving.episodes import Episode, EpisodeRecorder, Origin
+    from drlsl.driving import EnvConfig, HighwayVectorEnv
+    from drlsl.driving.episodes import Episode, EpisodeRecorder
 
 EpisodesOut = Annotated[
     Path | None,
@@ -46,10 +46,10 @@ class EpisodeFolder:
         Raises:
             UserError: the folder cannot be made.
         """
-        from drlsl.driving.episodes import EpisodeRecorder
+        from drlsl.driving.episodes import EpisodeRecorder, Origin
 
         make_folder(self.folder)
-        origin = origin_of(self.config, env.shield, driver, self.wants, enforced=enforced, seed=seed)
+        origin = Origin.of(self.config, env.shield, driver, self.wants, enforced=enforced, seed=seed)
         recorder = EpisodeRecorder(env.world, origin, self.save)
         env.watch = recorder.watch
         return recorder
@@ -104,23 +104,3 @@ def save(folder: Path, episode: Episode, prefix: str = "") -> Path:
     path = folder / f"{prefix}{driver}-shield-{shield}-{origin.number:04}{SUFFIX}"
     save_episode(path, episode)
     return path
-
-
-def origin_of(
-    config: EnvConfig, shield: Shield, driver: str, wants: str, *, enforced: bool, seed: int
-) -> Origin:
-    """Return where episodes come from that a driver drives; their numbers are yet to come."""
-    from drlsl.driving.episodes import Origin
-    from drlsl.files import digest
-
-    return Origin(
-        driver=driver,
-        recording=", ".join(config.recordings),
-        enforced=enforced,
-        offers=config.offers,
-        seed=seed,
-        number=0,
-        rules=config.rules,
-        digests={path.name: digest([path]) for path in shield.files()},
-        wants=wants,
-    )

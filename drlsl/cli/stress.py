@@ -240,7 +240,6 @@ class _Job:
         from drlsl.driving import record
         from drlsl.driving.episodes import SUFFIX, save_episode
         from drlsl.driving.page import write_page
-        from drlsl.files import digest
 
         episodes = record(
             self._config,
@@ -250,7 +249,6 @@ class _Job:
             report.worst,
             episodes=self._episodes,
             seed=self._seed,
-            digests={path.name: digest([path]) for path in self._shield.files()},
             drivers=self._drivers,
         )
         for contact, episode in zip(report.worst, episodes, strict=True):

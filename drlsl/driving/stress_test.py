@@ -344,12 +344,9 @@ def record(
     *,
     episodes: int,
     seed: int,
-    digests: Mapping[str, str],
     drivers: Mapping[str, Driver] | None = None,
 ) -> list[Episode]:
     """Drive the episodes of some contacts of `stress` again, with its arguments, and return what happened.
-
-    `digests`: the SHA-256 of every rule file.
 
     Raises:
         UserError: an episode went otherwise, since a driver depends on more than what it sees.
@@ -359,16 +356,8 @@ def record(
     turns = _taking_turns(policies, drivers)
     for contact in contacts:
         world = _world(config, recordings, shield, 1)
-        origin = Origin(
-            driver=contact.policy,
-            recording=", ".join(one.name for one in recordings),
-            enforced=config.offers != "all",
-            offers=config.offers,
-            seed=seed,
-            number=contact.episode,
-            rules=config.rules,
-            digests=dict(digests),
-            wants="preferences",
+        origin = Origin.of(
+            config, shield, contact.policy, "preferences", enforced=config.offers != "all", seed=seed
         )
         recorder = EpisodeRecorder(world, origin, lambda one: found.update({one.origin.number: one}))
         for _ in _Stress(world, turns, [(contact.episode, all_seeds[contact.episode])], recorder).run():

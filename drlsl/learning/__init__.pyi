@@ -14,7 +14,7 @@ from .config import (
     with_value,
 )
 from .dqn import greedy_choice
-from .episode import evaluation_seed
+from .episode import EpisodeSummary, evaluation_seed
 from .evaluation import EVALUATION_KEY, ShieldState, as_record, drive, make_evaluation_env
 from .figures import FIGURES, moving_average
 from .fleet import VectorHighway, space_sizes
@@ -35,6 +35,7 @@ __all__ = [
     "METRICS",
     "METRIC_COLUMNS",
     "MODEL",
+    "EpisodeSummary",
     "Kind",
     "NetworkConfig",
     "PpoConfig",

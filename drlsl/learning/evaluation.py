@@ -39,22 +39,26 @@ def drive(
     episodes: int,
     seed: int,
     recorder: EpisodeRecorder | None = None,
+    only: Sequence[int] | None = None,
 ) -> Iterator[EpisodeSummary]:
     """Drive, one summary per episode; the same seed gives the same episodes, shield on or off.
 
     The action that the driver wants most is taken: with the shield on, among those the rules derive to be
-    safe. A `recorder`, which watches the environment, is told what the driver chooses.
+    safe. A `recorder`, which watches the environment, is told what the driver chooses. `only`:
+    the numbers of the episodes to drive, in order, instead of all.
 
     Raises:
         DivergedError: a Q-value of a policy is not finite.
         ValueError: the environment gave an observation that is not finite, or offered no action.
     """
     offer = rule_safe_actions if shield == "on" else all_actions
-    fleet = Fleet(env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM, window=driver.window)
+    left = list(range(1, episodes + 1) if only is None else only)
+    fleet = Fleet(
+        env, episodes=episodes, seed=seed, stream=EVALUATION_STREAM, window=driver.window, only=only
+    )
     everyone = np.arange(env.num_envs)
     ahead: dict[int, EpisodeSummary] = {}
-    following = 1
-    while following <= episodes:
+    while left:
         began = fleet.begin()
         offered = offer(fleet.safe)
         preferences = driver.preferences(fleet.situations(offered))
@@ -65,9 +69,8 @@ def drive(
         intervened = ~fleet.safe[everyone, choice.preferred]
         for ended in fleet.count(fleet.step(choice.actions), offered, intervened, ()):
             ahead[ended.episode] = ended.summary
-        while following in ahead:
-            yield ahead.pop(following)
-            following += 1
+        while left and left[0] in ahead:
+            yield ahead.pop(left.pop(0))
 
 
 EVALUATION_KEY = ("env", "shield", "seed", "episodes")

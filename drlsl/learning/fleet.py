@@ -121,12 +121,15 @@ class Fleet:
         seed: int,
         stream: int = TRAINING_STREAM,
         window: int = 1,
+        only: Sequence[int] | None = None,
     ) -> None:
+        """Begin with no episode; `only`: the numbers of those to drive, in order, instead of `episodes`."""
         if env.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
             raise TypeError(f"expected an environment without autoreset, got {env.metadata}")
         size, count = space_sizes(env.single_observation_space, env.single_action_space)
         self._env = env
-        self._episodes = episodes
+        self._only = only
+        self._episodes = episodes if only is None else len(only)
         self._seed = seed
         self._stream = stream
         self._window = window
@@ -155,12 +158,15 @@ class Fleet:
         began = {}
         seeds: list[int | None] = [None] * len(self._over)
         for index in np.flatnonzero(self._over).tolist():
-            seeds[index] = episode_seed(self._seed, self._stream, self._begun)
             self._counted[index] = self._begun < self._episodes
+            number = self._begun + 1
+            if self._only is not None and self._counted[index]:
+                number = self._only[self._begun]
+            seeds[index] = episode_seed(self._seed, self._stream, number - 1)
             self._begun += int(self._counted[index])
-            self._numbers[index] = self._begun
+            self._numbers[index] = number if self._counted[index] else self._begun
             if self._counted[index]:
-                began[index] = self._begun
+                began[index] = number
             self._started[index] = perf_counter()
             self._tally.clear(index)
             self._learnt_before[index] = self._learnt

@@ -35,6 +35,15 @@ class Paragraph:
 
 
 @dataclass(frozen=True, slots=True)
+class Link:
+    """A sentence that leads to a file beside the report."""
+
+    kind: ClassVar = "link"
+    text: str
+    path: str
+
+
+@dataclass(frozen=True, slots=True)
 class Listing:
     """Items, numbered if their order matters."""
 
@@ -53,7 +62,7 @@ class Picture:
     png: bytes
 
 
-Block: TypeAlias = Heading | Paragraph | Listing | Picture | Table
+Block: TypeAlias = Heading | Paragraph | Link | Listing | Picture | Table
 
 
 def markdown(blocks: Sequence[Block]) -> str:

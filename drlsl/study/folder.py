@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from drlsl.driving.episodes import SUFFIX, Episode, save_episode
 from drlsl.errors import UserError
 from drlsl.files import FolderLock, check_text, open_values, seal_text, seal_values, write_atomic
 from drlsl.learning import METRICS, RunFolder
@@ -12,6 +13,9 @@ from drlsl.study.plan import Run, StudyConfig, Task, dump_study, load_study
 
 STUDY, INPUTS = "study.yaml", "inputs.json"
 RUNS, EVALUATIONS, FAILURES, LOGS, REPORT = "runs", "evaluations", "failures", "logs", "report"
+CONTACTS = "contacts"
+"""The folder of episodes that ended in a contact at fault."""
+
 LOCK = Path(LOGS) / "study.lock"
 """What the command at work on the study holds."""
 
@@ -142,6 +146,19 @@ class StudyFolder:
             UserError: the file is damaged.
         """
         return _read_json(self._result(task))
+
+    def add_contact(self, task: Task, shield: str, episode: Episode) -> None:
+        """Keep an episode of a test that ended in a contact."""
+        name = f"{task.name}-shield-{shield}-{episode.origin.number:04}{SUFFIX}"
+        try:
+            (self.root / CONTACTS).mkdir(exist_ok=True)
+        except OSError as error:
+            raise UserError(f"{self.root / CONTACTS}: cannot be made: {error.strerror}") from error
+        save_episode(self.root / CONTACTS / name, episode)
+
+    def contacts(self) -> list[Path]:
+        """Return the files of the episodes that were kept."""
+        return sorted((self.root / CONTACTS).glob(f"*{SUFFIX}"))
 
     def log(self, task: Task) -> Path:
         """Return the file for the output of the process that performs a task."""

@@ -5,13 +5,15 @@ from pathlib import Path
 
 import pandas as pd
 
+from drlsl.driving.episodes import load_episode
+from drlsl.driving.page import least_thinning, write_page
 from drlsl.driving.simulation import BRAKING, INTRUSION, REACTION
 from drlsl.files import write_atomic
 from drlsl.learning import FIGURES
 from drlsl.study import result_tables as tables
 from drlsl.study import statistics
 from drlsl.study.claims import agreement, claims
-from drlsl.study.document import Block, Heading, Listing, Paragraph, Picture, markdown, page
+from drlsl.study.document import Block, Heading, Link, Listing, Paragraph, Picture, markdown, page
 from drlsl.study.figures import outcome_figure, sweep_figure, training_figures
 from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import StudyConfig, dump_study, make_study
@@ -19,6 +21,9 @@ from drlsl.study.result_tables import Table
 from drlsl.study.results import Results, collect
 
 TITLE = "Safe reinforcement learning on the highway: a study"
+CONTACTS_PAGE = "contacts.html"
+"""The page on which contacts at fault are watched."""
+
 WALL_TIME = "Wall time"
 """The only section that a second run of the same study changes."""
 
@@ -31,7 +36,8 @@ def write_report(folder: StudyFolder) -> Path:
     Raises:
         UserError: a result is damaged, or a file cannot be written.
     """
-    blocks = list(_blocks(collect(folder)))
+    contacts = [load_episode(path) for path in folder.contacts()]
+    blocks = list(_blocks(collect(folder), len(contacts)))
     out = folder.report
     (out / "figures").mkdir(parents=True, exist_ok=True)
     (out / "tables").mkdir(exist_ok=True)
@@ -41,19 +47,21 @@ def write_report(folder: StudyFolder) -> Path:
         elif isinstance(block, Table):
             text = block.frame.to_csv(index=False, lineterminator="\n")
             write_atomic(out / "tables" / f"{block.stem}.csv", text.encode())
+    if contacts:
+        write_page(out / CONTACTS_PAGE, contacts, title="Contacts at fault", every=least_thinning(contacts))
     write_atomic(out / "report.md", markdown(blocks).encode())
     write_atomic(out / "report.html", page(TITLE, blocks).encode())
     return out
 
 
-def _blocks(results: Results) -> Iterator[Block]:
+def _blocks(results: Results, watchable: int) -> Iterator[Block]:
     yield Heading(1, TITLE)
     yield from _outcome(results)
     yield from _summary(results)
     yield from _table_1(results)
     yield from _training(results)
     yield from _over_seeds(results)
-    yield from _contacts(results)
+    yield from _contacts(results, watchable)
     yield from _interventions(results)
     yield from _sweeps(results)
     yield from _failures(results)
@@ -161,7 +169,7 @@ def _over_seeds(results: Results) -> Iterator[Block]:
     yield tables.estimates(results, "on")
 
 
-def _contacts(results: Results) -> Iterator[Block]:
+def _contacts(results: Results, watchable: int) -> Iterator[Block]:
     yield Heading(2, "Contacts, and who is at fault")
     yield Paragraph(
         "Recorded vehicles do not see the ego and may drive into it. Every contact ends the episode and is "
@@ -181,6 +189,9 @@ def _contacts(results: Results) -> Iterator[Block]:
     yield Listing(rules, numbered=True)
     yield Paragraph("Sums over all seeds; completed: episodes that reached the end of the track.")
     yield tables.contacts(results)
+    if watchable:
+        contacts = "1 contact" if watchable == 1 else f"{watchable} contacts"
+        yield Link(f"How {contacts} at fault came about: watch, and ask the rules what if", CONTACTS_PAGE)
 
 
 def _interventions(results: Results) -> Iterator[Block]:

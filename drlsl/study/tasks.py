@@ -10,12 +10,14 @@ from typing import Any
 
 from drlsl.driving import EnvConfig, HighwayVectorEnv
 from drlsl.driving.drivers import DRIVERS, Driver
+from drlsl.driving.episodes import EpisodeRecorder, Origin
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.files import digest
 from drlsl.learning import (
     CHECKPOINT,
     MODEL,
+    EpisodeSummary,
     NetworkConfig,
     Session,
     ShieldState,
@@ -39,6 +41,9 @@ Perform = Callable[[Path, Task, Stop], None]
 """Performs a task of the study in a folder; once asked to stop, leaves it unfinished, to be resumed."""
 
 SHIELDS: tuple[ShieldState, ...] = ("off", "on")
+
+KEPT = 2
+"""Episodes of a test with a contact at fault that are kept, for each policy with the shield and without."""
 
 ORPHAN_S = 60.0
 """Time limit for the end of a process that still has the task of a killed study."""
@@ -112,6 +117,7 @@ def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
     """Drive a policy through a test, or through a sweep, whose records have the value of its setting."""
     study = folder.study
     envs: list[tuple[dict[str, float], EnvConfig]]
+    plain = test not in study.sweeps
     if test in study.sweeps:
         envs = [({"value": value}, env) for value, env in study.sweep_envs(task.run, test).items()]
     else:
@@ -119,15 +125,21 @@ def _test(folder: StudyFolder, task: Task, test: str, stop: Stop) -> None:
     records = []
     started = perf_counter()
     for setting, config in envs:
-        for record in _evaluations(folder, task.run, config, stop):
+        for record in _evaluations(folder, task, config, stop, keep=plain):
             records.append({**setting, **record})
         if stop():
             return
     folder.finish(task, {**_maker(), "wall_s": perf_counter() - started, "evaluations": records})
 
 
-def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -> Iterator[dict[str, Any]]:
-    """Yield the records of a policy in one environment, shield off and on; ends early once asked to stop."""
+def _evaluations(
+    folder: StudyFolder, task: Task, config: EnvConfig, stop: Stop, *, keep: bool
+) -> Iterator[dict[str, Any]]:
+    """Yield the records of a policy in one environment, shield off and on; ends early once asked to stop.
+
+    `keep`: whether to keep the first contacts at fault as episodes.
+    """
+    run = task.run
     env = make_evaluation_env(config)
     driver = _driver(folder, run, env)
     for shield in SHIELDS:
@@ -138,7 +150,35 @@ def _evaluations(folder: StudyFolder, run: Run, config: EnvConfig, stop: Stop) -
             summaries.append(summary)
             if stop():
                 return
+        if keep:
+            _keep_contacts(folder, task, env, driver, shield, summaries)
         yield as_record(summaries, env=config.model_dump(mode="json"), shield=shield, seed=run.seed)
+
+
+def _keep_contacts(
+    folder: StudyFolder,
+    task: Task,
+    env: HighwayVectorEnv,
+    driver: Driver,
+    shield: ShieldState,
+    summaries: Sequence[EpisodeSummary],
+) -> None:
+    """Drive the first episodes with a contact at fault again, and keep them."""
+    worst = [number for number, one in enumerate(summaries, start=1) if one.contact and one.at_fault][:KEPT]
+    if not worst:
+        return
+    run, method = task.run, folder.study.methods[task.run.method]
+    wants = "Q-values" if method.driver is None and method.ppo is None else "preferences"
+    origin = Origin.of(env.config, env.shield, method.label, wants, enforced=shield == "on", seed=run.seed)
+    recorder = EpisodeRecorder(env.world, origin, lambda one: folder.add_contact(task, shield, one))
+    env.watch = recorder.watch
+    try:
+        for _ in drive(
+            env, driver, shield=shield, episodes=len(worst), seed=run.seed, recorder=recorder, only=worst
+        ):
+            pass
+    finally:
+        env.watch = None
 
 
 def _driver(folder: StudyFolder, run: Run, env: HighwayVectorEnv) -> Driver:

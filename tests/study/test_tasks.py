@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
+from drlsl.driving.episodes import load_episode
 from drlsl.errors import UserError
 from drlsl.files import digest
 from drlsl.learning.config import merged
@@ -84,6 +85,45 @@ def test_a_driver_takes_part_in_a_study_without_being_trained(tmp_path: Path) ->
     assert results.tests["method"].tolist() == ["keep", "keep", "mine", "mine"]
     assert results.tests.loc[results.tests["method"] == "keep", "lane_changes"].sum() == 0
     assert "| keep |" in (out / "report" / "report.md").read_text()
+
+
+SWERVE = """
+def swerve(situations):
+    lanes = situations.scenes.lane[:, 0].tolist()
+    odd = [int(1000 * one.sum()) % 2 for one in situations.observations]
+    return [2 if lane <= 2 else 1 if lane >= 4 else 1 + one for lane, one in zip(lanes, odd)]
+"""
+
+
+def test_contacts_at_fault_can_be_watched(tmp_path: Path) -> None:
+    """What is kept is what was counted, and the report leads to the page."""
+    (tmp_path / "mine.py").write_text(SWERVE)
+    plan = {
+        **TINY,
+        "sweeps": {},
+        "train": {"env": {"track_length": 250.0}},
+        "methods": {"mine": {"label": "mine", "driver": f"{tmp_path / 'mine.py'}:swerve"}},
+        "evaluation_episodes": 8,
+    }
+    (tmp_path / "plan.yaml").write_text(str(plan))
+    out = tmp_path / "study"
+    assert run(["study", "--config", str(tmp_path / "plan.yaml"), "--out", str(out), "--jobs", "1"]) == 0
+    folder = StudyFolder.open(out)
+    (task,) = folder.study.tasks
+    for record in folder.result(task)["evaluations"]:
+        at_fault = [n for n, one in enumerate(record["per_episode"], start=1) if one["at_fault"]]
+        for number in at_fault[:2]:
+            path = out / "contacts" / f"{task.name}-shield-{record['shield']}-{number:04}.npz"
+            episode = load_episode(path)
+            counted = record["per_episode"][number - 1]
+            assert (episode.ending.kind, episode.ending.verdict) == ("contact", "at_fault")
+            assert episode.distance[-1] == counted["distance"]
+            assert episode.changed.sum() == counted["lane_changes"]
+    kept = folder.contacts()
+    assert kept
+    assert "](contacts.html)" in (out / "report" / "report.md").read_text()
+    assert '<a href="contacts.html">' in (out / "report" / "report.html").read_text()
+    assert (out / "report" / "contacts.html").stat().st_size > 10_000
 
 
 PPO = {

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
+from drlsl.driving.config import EnvConfig
 from drlsl.driving.explain import Objection, Reason, RuleClause
 from drlsl.driving.rendering import Moment
 from drlsl.driving.scene import Action, Road, Scene, Vehicle
-from drlsl.driving.shield import ObservationSpace
+from drlsl.driving.shield import ObservationSpace, Shield
+from drlsl.files import digest
 from drlsl.traffic import Floats, Integers, Mask
 
 NO_DECISION: Final = -1
@@ -57,6 +59,23 @@ class Origin:
     rules: tuple[str, ...]
     digests: dict[str, str]
     wants: str
+
+    @classmethod
+    def of(
+        cls, config: EnvConfig, shield: Shield, driver: str, wants: str, *, enforced: bool, seed: int
+    ) -> Self:
+        """Return that of the episodes of a driver in an environment; their numbers are yet to come."""
+        return cls(
+            driver=driver,
+            recording=", ".join(config.recordings),
+            enforced=enforced,
+            offers=config.offers,
+            seed=seed,
+            number=0,
+            rules=config.rules,
+            digests={path.name: digest([path]) for path in shield.files()},
+            wants=wants,
+        )
 
     @property
     def name(self) -> str:
