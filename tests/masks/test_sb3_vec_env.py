@@ -94,7 +94,7 @@ class Sometimes(Counting):
         observation, reward, terminated, _, info = super().step(action)
         if self.count % 2:
             info |= {"odd": self.count, "rare": {"three": self.count % 3 == 0}}
-        cut = bool(self.count == 4 and action == 2)
+        cut = bool(self.count >= 4 and action == 2)
         return observation, reward, terminated, cut, info
 
 
