@@ -143,7 +143,7 @@ export class Viewer {
     more.hidden = this.data.episodes.length < 2;
     more.className = "more";
     const legend = Object.values(MARKS).map(([colour, words]) => {
-      const swatch = make("i", { class: `mark ${colour}` });
+      const swatch = make("i", { class: "mark" });
       swatch.style.background = this.data.colours[colour]!;
       return make("li", {}, swatch, words);
     });
