@@ -9,14 +9,17 @@ import gymnasium
 import highway_env  # noqa: F401  # registers its environments
 import numpy as np
 
-from drlsl.shield.environments import shield_straight_road
+from drlsl.shield.environments import shield_crossing, shield_straight_road
+
+CROSSINGS = ("roundabout-v0", "intersection-v0")
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--env", default="highway-fast-v0")
 parser.add_argument("--episodes", type=int, default=20)
 wanted = parser.parse_args()
 
-env = shield_straight_road(gymnasium.make(wanted.env))
+shield = shield_crossing if wanted.env in CROSSINGS else shield_straight_road
+env = shield(gymnasium.make(wanted.env))
 crashes = {}
 for mask in (False, True):
     rng, crashes[mask] = np.random.default_rng(0), 0
@@ -24,7 +27,7 @@ for mask in (False, True):
         _, info = env.reset(seed=episode)
         over = False
         while not over:
-            actions = np.flatnonzero(info["action_mask"]) if mask else np.arange(5)
+            actions = np.flatnonzero(info["action_mask"]) if mask else np.arange(env.action_space.n)
             *_, terminated, truncated, info = env.step(rng.choice(actions))
             over = terminated or truncated
         crashes[mask] += env.unwrapped.vehicle.crashed

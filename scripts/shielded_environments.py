@@ -21,7 +21,12 @@ import gymnasium
 import numpy as np
 
 from drlsl import LogicShield
-from drlsl.shield.environments import shield_frozen_lake, shield_minigrid, shield_straight_road
+from drlsl.shield.environments import (
+    shield_crossing,
+    shield_frozen_lake,
+    shield_minigrid,
+    shield_straight_road,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +77,17 @@ def _grid(name: str) -> Case:
     )
 
 
-def _road(name: str) -> Case:
-    """Return an environment of highway-env in which the ego arrives if it does not crash."""
+def _road(
+    name: str,
+    shield: Callable[[gymnasium.Env[Any, Any]], LogicShield] = shield_straight_road,
+    has_arrived: Callable[[Any], bool] = lambda _: True,
+) -> Case:
+    """Return an environment of highway-env."""
     return Case(
         partial(gymnasium.make, f"highway_env:{name}"),
-        shield_straight_road,
+        shield,
         accident=lambda _, world: world.vehicle.crashed,
-        arrival=lambda _, world: not world.vehicle.crashed,
+        arrival=lambda _, world: not world.vehicle.crashed and has_arrived(world),
         package="highway_env",
     )
 
@@ -92,6 +101,13 @@ CASES: Final[Mapping[str, Case]] = {
     "MiniGrid LavaCrossingS9N1": _grid("LavaCrossingS9N1"),
     "MiniGrid DistShift1": _grid("DistShift1"),
     **{name: _road(name) for name in ("highway-fast-v0", "highway-v0", "merge-v0")},
+    "roundabout-v0": _road(
+        "roundabout-v0", shield_crossing, lambda world: world.vehicle.lane_index[0] in ("nx", "nxs")
+    ),
+    # The last one: it changes the drivers of every later environment of the process.
+    "intersection-v0": _road(
+        "intersection-v0", shield_crossing, lambda world: world.has_arrived(world.vehicle)
+    ),
 }
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -9,11 +13,13 @@ import pytest
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.shield import consult_rules
-from drlsl.shield.environments import shield_straight_road, straight_road_facts
+from drlsl.shield.environments import shield_crossing, shield_straight_road, straight_road_facts
 from drlsl.shield.environments.straight_road import RULES
 from tests.shield.environments.oracle import World
 
 highway_env = pytest.importorskip("highway_env", reason="highway-env is not installed")
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "shield_highway_env.py"
 
 
 @pytest.mark.parametrize("name", ["highway-fast-v0", "merge-v0"])
@@ -31,6 +37,33 @@ def test_a_random_policy_does_not_crash(name: str) -> None:
         assert not env.unwrapped.vehicle.crashed  # type: ignore[attr-defined]  # highway-env's own
     assert env.rules.tier == "scalar"
     assert env.counts.fail_safes == env.counts.interpreted == 0
+
+
+def test_a_random_policy_goes_round_a_roundabout() -> None:
+    env = shield_crossing(gymnasium.make("roundabout-v0"), mode="raise")
+    rng = np.random.default_rng(0)
+    for episode in range(3):
+        _, info = env.reset(seed=episode)
+        over = False
+        while not over:
+            *_, terminated, truncated, info = env.step(int(rng.choice(np.flatnonzero(info["action_mask"]))))
+            over = terminated or truncated
+        assert not env.unwrapped.vehicle.crashed  # type: ignore[attr-defined]  # highway-env's own
+    assert env.rules.tier == "scalar"
+    assert env.counts.fail_safes == env.counts.interpreted == 0
+
+
+@pytest.mark.parametrize("name", ["highway-fast-v0", "merge-v0", "roundabout-v0", "intersection-v0"])
+def test_the_example_runs(name: str) -> None:
+    """In a process of its own: intersection-v0 changes the drivers of every later environment."""
+    done = subprocess.run(
+        [sys.executable, EXAMPLE, "--env", name, "--episodes", "2"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("crashes in 2 episodes: ")
+    assert done.stdout.endswith(" 0 with them\n")
 
 
 def test_the_lag_of_the_rules_is_that_of_highway_env() -> None:
