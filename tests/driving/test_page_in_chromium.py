@@ -9,10 +9,11 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drlsl.cli import run
-from drlsl.driving.drivers import make_driver
+from drlsl.driving.drivers import Situations, make_driver
 from drlsl.driving.explain import objections
 from drlsl.driving.page import write_page
 from drlsl.driving.scene import Action, load_scene
@@ -27,6 +28,15 @@ INTERPRETED = """
 :- ensure_loaded('highway.pl').
 objection(left_lane_change, odd) :- findall(X, vehicle(X, _, _, _, _, _, _, _), Xs), msort(Xs, []).
 """
+
+
+class Stubborn:
+    """A driver that wants nothing but to the left."""
+
+    window = 1
+
+    def preferences(self, situations: Situations) -> np.ndarray:
+        return np.tile([0.5, 1.0, 0.0], (len(situations.offered), 1))
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +62,8 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (busy,) = drive(make_driver("always-change"), seeds=(4,), track_length=400.0)
     busy = replace(busy, origin=replace(busy.origin, driver="always-change", digests=digests))
     write_page(folder / "drives.html", [off, on, busy], title="Three")
+    (stubborn,) = drive(Stubborn(), seeds=(3,))
+    write_page(folder / "stubborn.html", [stubborn], title="Stubborn")
     write_page(folder / "busy.html", [busy], title="Busy")
     write_page(folder / "changed.html", [one], title="Changed")
     text = folder / "interpreted.pl"

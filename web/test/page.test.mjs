@@ -111,6 +111,14 @@ test("speeds, marks and the time line", () =>
     assert.ok(Math.abs((await time(page)) - duration / 4) < 0.5);
   }));
 
+test("an intervention is marked where the rules did not offer what was wanted most", () =>
+  open("stubborn.html", async (page) => {
+    await page.keyboard.press("n");
+    assert.match(await page.locator(".spoken").textContent(), /^wanted what was not offered/);
+    assert.match(await left(page).innerText(), /not offered\s+wants 1\.00 \(best\)/);
+    assert.match(await page.locator(".action").first().innerText(), /offered\s+chosen/);
+  }));
+
 test("episodes stand side by side, and are chosen, added and closed", () =>
   open("drives.html", async (page) => {
     assert.equal(await page.locator("article").count(), 2);
@@ -164,6 +172,19 @@ test("the ego is dragged into another lane", () =>
     const scene = JSON.parse(await page.locator("textarea").inputValue());
     assert.equal(scene.ego.target_lane, undefined);
     assert.match(await page.locator(".action").nth(2).innerText(), /not offered\nno lane/);
+  }));
+
+test("a scene that cannot be decided shows the fail-safe, never a decision", () =>
+  open("scene.html", async (page) => {
+    await editable(page);
+    await page.getByRole("button", { name: "What if …" }).click();
+    await page.getByLabel("across, m").fill("99");
+    assert.match(await page.locator(".panel > .alarm").innerText(), /fail-safe: ego\.y_m is in no lane of the road/);
+    assert.deepEqual(await badges(page), ["not offered", "not offered", "not offered"]);
+    await page.getByLabel("across, m").fill("16.125");
+    await page.getByLabel("speed, m/s").fill("1e17");
+    assert.match(await page.locator(".panel > .alarm").innerText(), /fail-safe: only the interpreter can tell/);
+    assert.deepEqual(await badges(page), ["offered", "not offered", "not offered"]);
   }));
 
 test("by keys: a vehicle is chosen, moved, slowed, added and removed", () =>
