@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
@@ -12,6 +13,12 @@ from types import ModuleType
 from typing import Any, Final
 
 ENV_ID: Final = "drlsl/Highway-v0"
+
+_SHOWN: Final = (
+    ("image/png", "drlsl.driving.scene.model", "Scene", "drlsl.driving.explain:scene_png"),
+    ("text/html", "drlsl.driving.episodes.driven_episode", "Episode", "drlsl.driving.page:framed_page"),
+)
+"""Media type, module and class of what a notebook shows, and the function that makes it."""
 
 
 def register_with_gymnasium() -> None:
@@ -33,18 +40,20 @@ def _register() -> None:
 
 
 def register_with_ipython() -> None:
-    """Have a scene shown as a picture if this is a notebook.
+    """Have scenes and episodes shown if this is a notebook.
 
-    The picture is drawn far above the room of scenes, so that the class itself cannot know it.
+    They are drawn in rooms above their own, so that their classes cannot know how.
     """
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    if shell is not None:
-        pictures = shell.display_formatter.formatters["image/png"]
-        pictures.for_type_by_name("drlsl.driving.scene.model", "Scene", _scene_png)
+    if shell is None:
+        return
+    for kind, module, name, shown_by in _SHOWN:
+        formatter = shell.display_formatter.formatters[kind]
+        formatter.for_type_by_name(module, name, partial(_show, shown_by))
 
 
-def _scene_png(scene: Any) -> Any:
-    return resolve_name("drlsl.driving.explain:scene_png")(scene)
+def _show(shown_by: str, value: Any) -> Any:
+    return resolve_name(shown_by)(value)
 
 
 class _WhenImported(MetaPathFinder):

@@ -47,18 +47,19 @@ def test_a_shielded_walk_does_not_fall() -> None:
     assert shielded == 0
 
 
-def test_a_notebook_shows_a_scene_a_decision_and_its_reasons() -> None:
+def test_a_notebook_shows_a_scene_a_decision_its_reasons_and_a_drive() -> None:
     nbformat = pytest.importorskip("nbformat", reason="nbclient and ipykernel are not installed")
     nbclient = pytest.importorskip("nbclient", reason="nbclient and ipykernel are not installed")
     notebook = nbformat.read(EXAMPLES / "explain_decision.ipynb", as_version=4)
     nbclient.NotebookClient(notebook, resources={"metadata": {"path": str(EXAMPLES)}}).execute()
-    scene, decision, picture, proof, changed = (shown(cell) for cell in notebook.cells if shown(cell))
+    scene, decision, picture, proof, changed, drive = (shown(cell) for cell in notebook.cells if shown(cell))
     assert scene["image/png"].startswith("iVBOR")
     assert picture["image/png"].startswith("iVBOR")
     assert "<th>not offered</th><td>left_lane_change</td>" in decision["text/html"]
     assert "<pre>safe_actions(left_lane_change) fails\n" in proof["text/html"]
     assert "too_close(sports_car," in proof["text/html"]
     assert "<th>not offered</th><td>none</td>" in changed["text/html"]
+    assert drive["text/html"].startswith('<iframe srcdoc="&lt;!DOCTYPE html&gt;')
 
 
 def shown(cell: Any) -> dict[str, str]:

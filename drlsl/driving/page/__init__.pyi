@@ -1,7 +1,9 @@
-from .page_file import MOST_FRAMES, least_thinning, write_page
+from .page_file import MOST_FRAMES, framed_page, least_thinning, page_text, write_page
 
 __all__ = [
     "MOST_FRAMES",
+    "framed_page",
     "least_thinning",
+    "page_text",
     "write_page",
 ]

@@ -32,6 +32,8 @@ SHOWN: Final = 2
 BEFORE: Final = 6.0
 """Time before a contact at which its episode opens [s]."""
 
+_FRAME_STYLE: Final = "width: 100%; height: 760px; border: 0"
+
 _PLACE: Final = re.compile(r"@([A-Z_]+)@")
 
 _MORE_COLOURS: Final = {
@@ -73,6 +75,21 @@ def write_page(
     Raises:
         UserError: there are too many frames, or the file cannot be written.
     """
+    write_atomic(path, page_text(episodes, title=title, rules=rules, every=every).encode("utf-8"))
+
+
+def framed_page(episode: Episode) -> str:
+    """Return the page of an episode as a frame of another page, for notebooks."""
+    page = page_text([episode], title=episode.origin.name, every=least_thinning([episode]))
+    return f'<iframe srcdoc="{html.escape(page)}" title="An episode" style="{_FRAME_STYLE}"></iframe>'
+
+
+def page_text(episodes: Sequence[Episode], *, title: str, rules: Sequence[Path] = (), every: int = 1) -> str:
+    """Return the text of the page that `write_page` writes.
+
+    Raises:
+        UserError: there are too many frames.
+    """
     frames = [thinned(episode, every) for episode in episodes]
     total = sum(map(len, frames))
     if total > MOST_FRAMES:
@@ -109,8 +126,7 @@ def write_page(
         "SCRIPT": _asset("view.js"),
         "DATA": text,
     }
-    page = _PLACE.sub(lambda place: values[place[1]], _asset("page.html"))
-    write_atomic(path, page.encode("utf-8"))
+    return _PLACE.sub(lambda place: values[place[1]], _asset("page.html"))
 
 
 def _program_key(episode: Episode, rules: Sequence[Path]) -> tuple[Any, ...]:
