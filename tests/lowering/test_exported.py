@@ -87,7 +87,7 @@ def check(run: Run, count: int, folder: Path) -> None:
     for lowered, some, given_answers in zip(found, scenes, answers, strict=True):
         scalar = compile_scalar(lowered)
         roots = [node for one in lowered.answers for node in (*roots_of(one), one.undecided)]
-        ulps = 8 if any(node.op in INEXACT for node in reach(roots)) else 0
+        ulps = 2 if any(node.op in INEXACT for node in reach(roots)) else 0
         for facts, answer in zip(some, given_answers, strict=True):
             try:
                 wanted = loose(list(scalar(facts)))
