@@ -36,6 +36,9 @@ _LOG: Final = logging.getLogger(__name__)
 LIMITS: Final = Limits(inferences=2_000_000)
 """The limits of one decision by the interpreter: rules that never end must not stop the fallback."""
 
+PATIENCE: Final = 100
+"""Decisions after which one is told that the kinds of facts are still not known."""
+
 ASK: Final = "offered(Action)"
 REASONS: Final = "objection(Action, Reason)"
 
@@ -144,6 +147,7 @@ class ActionRules:
         with self._lock:
             if self._forms.schema is None:
                 self._forms.learn(facts)
+                self._warn_of_unknown_forms()
             elif not isinstance(facts, Mapping) or facts.keys() != self._forms.keys:
                 self._forms.check_keys(facts)
             self.counts.decisions += 1
@@ -308,6 +312,15 @@ class ActionRules:
         interpreter = Interpreter(self._engine, [self._why], self._limits)
         interpreter.state(self._forms.conformed(facts))
         return interpreter.answers()
+
+    def _warn_of_unknown_forms(self) -> None:
+        if self.counts.decisions == PATIENCE and self._tier_name != "interpreter" and self._forms.unknown():
+            _LOG.warning(
+                "the rules run on the interpreter, which is slow: in %d states there were no facts of %s, so "
+                "the kinds of their columns are not known; declare them by `schema`",
+                PATIENCE,
+                ", ".join(self._forms.unknown()),
+            )
 
     def _failed(self, reason: str) -> Offer:
         self._count_failure(reason)

@@ -134,6 +134,14 @@ class FactForms:
         kinds = self._kinds[key]
         return None if kinds is None else Relation(key[0], kinds)
 
+    def unknown(self) -> list[str]:
+        """Return the relations of which there were no rows yet, so that nothing is known of their columns."""
+        return (
+            []
+            if self.schema is not None
+            else sorted(_text(key) for key, kinds in self._kinds.items() if kinds is None)
+        )
+
     def guess(self, kind: Kind) -> Schema:
         """Return a schema in which every column whose kind is not known is of `kind`."""
         known = {key: self.relation(key) for key in sorted(self.keys)}

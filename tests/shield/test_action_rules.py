@@ -161,6 +161,19 @@ def test_threads_that_share_rules_are_told_of_their_own_states() -> None:
         assert rules.counts.decisions == 800
 
 
+def test_facts_that_never_come_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    text = ":- dynamic a/1, b/2, c/1.\noffered(keep).\n"
+    rules = ActionRules(text, ACTIONS, fallback="keep")
+    for _ in range(200):
+        rules.offer({("a", 1): [(1,)], ("b", 2): [], ("c", 1): []})
+    assert rules.tier == "interpreter"
+    (warning,) = [one.getMessage() for one in caplog.records if "no facts" in one.getMessage()]
+    assert "in 100 states there were no facts of b/2, c/1, so the kinds" in warning
+    caplog.clear()
+    rules.offer({("a", 1): [(1,)], ("b", 2): [(0.5, 1)], ("c", 1): [(1,)]})
+    assert rules.tier == "scalar"
+
+
 def test_rules_that_cannot_be_lowered_run_on_the_interpreter(caplog: pytest.LogCaptureFixture) -> None:
     """What is tabled is forgotten with the facts."""
     text = """
