@@ -40,11 +40,14 @@ def view(
     It is one HTML file, which needs neither a server nor a network.
     """
     from drlsl.driving.page import write_page
+    from drlsl.driving.shield import Shield
 
     if out.suffix.lower() not in (".html", ".htm"):
         raise UserError(f"{out}: expected a file that ends in .html")
     if not out.parent.is_dir():
         raise UserError(f"{out}: there is no folder {out.parent}")
+    if rules:
+        Shield.from_files(rules)  # who names rules wants those, not a page that plays without
     episodes = [episode for name in what for episode in _episodes(Path(name), rules)]
     write_page(out, episodes, title=title or _title(episodes), rules=rules or (), every=every)
     frames = sum(map(len, episodes))

@@ -187,7 +187,7 @@ def test_what_is_no_archive_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="cannot read the episode"):
         load_episode(path)
     path.write_bytes(b"hello")
-    with pytest.raises(UserError, match="not an episode"):
+    with pytest.raises(UserError, match=r"not an episode, which is an \.npz archive; drlsl eval"):
         load_episode(path)
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("other.txt", "hello")

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 from drlsl.cli import run
-from drlsl.driving.episodes import Episode, save_episode
+from drlsl.driving.episodes import Episode, Origin, episode_of_scene, save_episode
 from drlsl.driving.explain import ReasonClauses
 from drlsl.driving.export import RuleProgram, draw_scenes
 from drlsl.driving.page import MOST_FRAMES, write_page
 from drlsl.driving.page.page_program import page_program
-from drlsl.driving.scene import Action, scene_json
+from drlsl.driving.scene import Action, load_scene, scene_json
 from drlsl.driving.shield import Shield
 from tests.driving.driven import drive
 
@@ -194,6 +194,20 @@ def test_bad_input_is_one_line_that_says_what_to_do(
     assert problem in told
     assert told.count("\n") == 1
     assert not Path("page.html").exists()
+
+
+def test_rules_that_were_named_must_be_right_for_recorded_episodes_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = load_scene(SCENE)
+    origin = Origin("", "one", True, "rules", 0, 1, (), {}, "preferences")
+    save_episode(tmp_path / "one.npz", episode_of_scene(Shield.default(), scene, origin))
+    (tmp_path / "odd.pl").write_text("safe_actions(lane_keeping")
+    out = tmp_path / "page.html"
+    arguments = ["view", str(tmp_path / "one.npz"), "--rules", str(tmp_path / "odd.pl"), "--out", str(out)]
+    assert run(arguments) == 2
+    assert "odd.pl:1" in capsys.readouterr().err
+    assert not out.exists()
 
 
 def test_a_scene_becomes_a_page_of_one_moment(tmp_path: Path) -> None:

@@ -210,8 +210,15 @@ def load_episode(path: Path) -> Episode:
         UserError: the file cannot be read, or is no episode.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        with path.open("rb") as file:
+            if not zipfile.is_zipfile(file):
+                raise UserError(
+                    f"{path}: not an episode, which is an .npz archive; "
+                    "drlsl eval --episodes-out writes episodes"
+                )
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
     except OSError as error:
         raise UserError(f"cannot read the episode {path}: {error.strerror or error}") from error
     except (ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
