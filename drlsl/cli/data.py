@@ -96,7 +96,7 @@ def info(
     """Describe a recording: vehicles, lanes, speeds, gaps, and what was dropped from its files."""
     from dataclasses import asdict
 
-    from drlsl.traffic import load_recording, recording_report
+    from drlsl.traffic import counted, load_recording, recording_report
 
     report = recording_report(load_recording(path, cache=cache))
     if as_json:
@@ -105,10 +105,10 @@ def info(
     from rich.console import Console
 
     console = Console()
-    for table in (_summary(report), _lane_table(report)):
+    for table in (_summary(report), *_lane_tables(report)):
         console.print(table)
     for item in report.dropped:
-        console.print(f"dropped: {item.rows:,} rows: {item.reason}", markup=False, highlight=False)
+        console.print(f"dropped: {counted(item.rows, 'row')}: {item.reason}", markup=False, highlight=False)
     for note in report.notes:
         console.print(f"note: {note}", markup=False, highlight=False)
 
@@ -215,10 +215,14 @@ def _words(value: str) -> str:
 def _summary(report: RecordingReport) -> Table:
     from rich.table import Table
 
+    from drlsl.traffic import counted
+
     table = Table(title=report.name, show_header=False)
-    kinds = f"{report.cars} cars, {report.trucks} trucks"
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    kinds = f"{counted(report.cars, 'car')}, {counted(report.trucks, 'truck')}"
     if report.motorcycles:
-        kinds += f", {report.motorcycles} motorcycles"
+        kinds += f", {counted(report.motorcycles, 'motorcycle')}"
     rows = {
         "duration": f"{report.duration_s:.1f} s, {report.frames:,} frames at {report.frame_rate_hz:g} Hz",
         "road": f"{report.x_min_m:.1f} to {report.x_max_m:.1f} m",
@@ -237,7 +241,8 @@ def _summary(report: RecordingReport) -> Table:
     for lane in report.merging_lanes:
         table.add_row(
             "merging lane",
-            f"{_words(lane.direction)}, {lane.begin_m:.0f} to {lane.end_m:.0f} m, {lane.vehicles} vehicles",
+            f"{_words(lane.direction)}, {lane.begin_m:.0f} to {lane.end_m:.0f} m, "
+            f"{counted(lane.vehicles, 'vehicle')}",
         )
     return table
 
@@ -249,29 +254,30 @@ def _spread(spread: Spread | None, unit: str) -> str:
     return f"min {spread.minimum:.1f}, 5% {low}, median {middle}, 95% {high} {unit}"
 
 
-def _lane_table(report: RecordingReport) -> Table:
+def _lane_tables(report: RecordingReport) -> tuple[Table, Table]:
+    """Return the lanes and the traffic in them, apart so that both fit on 60 columns."""
     from rich.table import Table
 
-    table = Table("lane", "direction", title="Lanes")
-    for heading in ("centre (m)", "width (m)", "limit (m/s)", "vehicles", "veh/km"):
-        table.add_column(heading, justify="right")
-    for heading in ("mean (m/s)", "min", "max"):
-        table.add_column(heading, justify="right")
-    table.add_column("median gap (m)", justify="right")
+    road, traffic = Table("lane", "direction", title="Lanes"), Table("lane", title="Traffic in the lanes")
+    for table, headings in (
+        (road, ("centre\n(m)", "width\n(m)", "limit\n(m/s)", "vehicles")),
+        (traffic, ("mean\n(m/s)", "min\n(m/s)", "max\n(m/s)", "vehicles\nper km", "median\ngap (m)")),
+    ):
+        for heading in headings:
+            table.add_column(heading, justify="right", no_wrap=True)
     for lane in report.lanes:
         speed, gap = lane.speed_m_s, lane.gap_m
         speeds = (
             [f"{value:.1f}" for value in (speed.mean, speed.minimum, speed.maximum)] if speed else ["-"] * 3
         )
-        table.add_row(
+        road.add_row(
             str(lane.id),
             _words(lane.direction),
             f"{lane.centre_m:.2f}",
             f"{lane.width_m:.2f}",
             f"{lane.speed_limit_m_s:.1f}",
-            str(lane.vehicles),
-            f"{lane.density_veh_per_km:.1f}",
-            *speeds,
-            f"{gap.p50:.1f}" if gap else "-",
+            f"{lane.vehicles:,}",
         )
-    return table
+        median = f"{gap.p50:.1f}" if gap else "-"
+        traffic.add_row(str(lane.id), *speeds, f"{lane.density_veh_per_km:.1f}", median)
+    return road, traffic

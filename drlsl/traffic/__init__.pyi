@@ -8,6 +8,7 @@ from .road import Direction, Lane, MergingLane, Traffic
 from .road_presets import PRESETS, Merge, find_preset
 from .sources import BUNDLED, find_source
 from .tracks import Tracks, lanes_of_rows, pack
+from .words import counted
 
 __all__ = [
     "BUNDLED",
@@ -29,6 +30,7 @@ __all__ = [
     "VehicleClass",
     "bundled_recordings",
     "check_folder",
+    "counted",
     "find_preset",
     "find_source",
     "lanes_of_rows",

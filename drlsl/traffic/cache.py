@@ -18,7 +18,7 @@ from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, Vehi
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 from drlsl.traffic.sources import Source
 
-LOADER_VERSION = 4
+LOADER_VERSION = 5
 """Version of the cache: raise it whenever a loader reads the same files differently or the layout changes."""
 
 SAMPLE = 1 << 16

@@ -6,7 +6,7 @@ import gzip
 import lzma
 import zlib
 from pathlib import Path
-from typing import IO
+from typing import IO, Final, cast
 
 from drlsl.errors import UserError
 
@@ -16,9 +16,39 @@ UNREADABLE = (OSError, EOFError, UnicodeDecodeError, lzma.LZMAError, zlib.error)
 ENCODING = "utf-8-sig"
 """UTF-8, with or without a byte order mark."""
 
+_NO_TEXT: Final = {
+    b"PK\x03\x04": "it is a zip archive; name it .zip, or unpack it",
+    b"PAR1": "it is a Parquet file; name it .parquet",
+    b"\xff\xfe": "it is UTF-16; save it as UTF-8",
+    b"\xfe\xff": "it is UTF-16; save it as UTF-8",
+}
+"""First bytes of files that are no text, and what to do about them."""
+
+_FIRST_BYTES: Final = 1024
+
+
+def open_bytes(path: Path) -> IO[bytes]:
+    """Open a file for reading, decompressed as its suffix says."""
+    if path.suffix == ".gz":
+        return cast(IO[bytes], gzip.open(path, "rb"))
+    if path.suffix == ".xz":
+        return lzma.open(path, "rb")
+    return open(path, "rb")
+
 
 def open_text(path: Path) -> IO[str]:
-    """Open a text file for reading, decompressed as its suffix says."""
+    """Open a text file for reading, decompressed as its suffix says.
+
+    Raises:
+        UserError: its first bytes are no text; the message says what they are.
+    """
+    with open_bytes(path) as file:
+        start = file.read(_FIRST_BYTES)
+    for mark, trouble in _NO_TEXT.items():
+        if start.startswith(mark):
+            raise UserError(f"{path}: cannot be read: {trouble}")
+    if b"\0" in start:
+        raise UserError(f"{path}: cannot be read: it holds zero bytes, so it is UTF-16 or no text at all")
     if path.suffix == ".gz":
         return gzip.open(path, "rt", encoding=ENCODING, newline="")
     if path.suffix == ".xz":

@@ -16,11 +16,14 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.traffic.columns import Kind, read_columns, read_header
+from drlsl.traffic.assemble import Road, assemble
+from drlsl.traffic.columns import Kind, line_of_row, read_columns, read_header
+from drlsl.traffic.plausible import HIGHEST_LIMIT, Place, check_rows, limits_are_plain, true_frames
 from drlsl.traffic.recording import Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 from drlsl.traffic.sources import Source
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, without_duplicates
+from drlsl.traffic.tracks import Tracks, without_duplicates
+from drlsl.traffic.words import counted, listed
 
 UNLIMITED_SPEED = 130 / 3.6
 """Speed limit [m/s] where highD's is -1 (none): the advisory speed of the German Autobahn.
@@ -53,6 +56,14 @@ MERGING_LANE = ("begin", "end", "top", "bottom")
 
 
 @dataclass(frozen=True, slots=True)
+class _Vehicles:
+    """The contents of tracksMeta: classes, and the rows of each vehicle's track where they are told."""
+
+    classes: dict[int, VehicleClass]
+    rows: dict[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class _Meta:
     """The contents of recordingMeta."""
 
@@ -66,47 +77,42 @@ def load_highd(source: Source) -> Recording:
     """Load one recording in highD layout.
 
     The box's top-left corner and sizes become centres; `width` in the files is the length along the road.
-    Lanes are derived from the markings, the lane of each row from its centre. The recorded stretch runs from
-    the rearmost to the foremost box.
+    Lanes are derived from the markings, the lane of each row from its centre.
 
     Raises:
         UserError: a file is unreadable or inconsistent.
     """
     tracks_file, vehicles_file, meta_file = source.files
     meta = _read_meta(meta_file)
-    classes = _read_classes(vehicles_file)
-    tracks = _read_tracks(tracks_file)
-    unknown = sorted(set(np.unique(tracks.vehicle).tolist()) - set(classes))
+    vehicles = _read_vehicles(vehicles_file)
+    tracks, place = _read_tracks(tracks_file)
+    unknown = sorted(set(np.unique(tracks.vehicle).tolist()) - set(vehicles.classes))
     if unknown:
-        listed = ", ".join(map(str, unknown[:5])) + (", …" if len(unknown) > 5 else "")
-        raise UserError(f"{vehicles_file}: no row for vehicle {listed}, which {tracks_file.name} has")
+        raise UserError(
+            f"{vehicles_file}: no row for vehicle {listed([*map(str, unknown)])}, which the tracks have"
+        )
+    check_rows(place, tracks)
+    tracks, frame_rate, thinned = true_frames(place, tracks, meta.frame_rate)
     tracks, _, dropped = without_duplicates(tracks)
-    seen = set(np.unique(tracks.vehicle).tolist())
-    lane = lanes_of_rows(tracks.y, meta.lanes)
-    recording = Recording(
-        name=source.name,
-        frame_rate=meta.frame_rate,
-        lanes=meta.lanes,
-        x_min=float((tracks.x - tracks.length / 2).min()),
-        x_max=float((tracks.x + tracks.length / 2).max()),
-        frames=pack(tracks, lane, name=source.name),
-        vehicle_class={vehicle: kind for vehicle, kind in classes.items() if vehicle in seen},
+    return assemble(
+        source.name,
+        place,
+        tracks,
+        frame_rate,
+        Road(meta.lanes, meta.merging_lanes, meta.traffic),
+        vehicles.classes,
         dropped=dropped,
-        notes=_notes(tracks, lane, meta.lanes, meta.merging_lanes),
-        merging_lanes=meta.merging_lanes,
-        traffic=meta.traffic,
+        notes=(*thinned, *_missing(tracks, vehicles)),
     )
-    recording.validate()
-    return recording
 
 
-def _read_tracks(path: Path) -> Tracks:
+def _read_tracks(path: Path) -> tuple[Tracks, Place]:
     table = read_columns(path, TRACK_COLUMNS)
     if table.empty:
         raise UserError(f"{path}: no vehicle: the file has a header and no rows")
     column = {name: table[name].to_numpy(dtype=np.float64) for name in TRACK_COLUMNS}
     frame = column["frame"].astype(np.int64)
-    return Tracks(
+    tracks = Tracks(
         frame=frame - frame.min(),
         vehicle=column["id"].astype(np.int64),
         x=column["x"] + column["width"] / 2,
@@ -116,18 +122,38 @@ def _read_tracks(path: Path) -> Tracks:
         length=column["width"],
         width=column["height"],
     )
+    return tracks, Place(path, int(frame.min()), lambda row: line_of_row(path, row)[0])
 
 
-def _read_classes(path: Path) -> dict[int, VehicleClass]:
-    table = read_columns(path, VEHICLE_COLUMNS)
+def _read_vehicles(path: Path) -> _Vehicles:
+    counts = "numframes" in {column.lower() for column in read_header(path)}
+    table = read_columns(path, VEHICLE_COLUMNS | ({"numFrames": Kind.COUNT} if counts else {}))
     classes: dict[int, VehicleClass] = {}
     for vehicle, text in zip(table["id"].astype(int).tolist(), table["class"], strict=True):
         try:
-            classes[vehicle] = VehicleClass(str(text).strip().lower())
+            kind = VehicleClass(str(text).strip().lower())
         except ValueError:
             expected = ", ".join(kind.value.capitalize() for kind in VehicleClass)
             raise UserError(f"{path}: vehicle {vehicle}: class {text!r} is none of {expected}") from None
-    return classes
+        if classes.setdefault(vehicle, kind) is not kind:
+            raise UserError(
+                f"{path}: vehicle {vehicle} has two classes, {classes[vehicle].value} and {kind.value}"
+            )
+    rows = dict(zip(table["id"].tolist(), table["numFrames"].tolist(), strict=True)) if counts else {}
+    return _Vehicles(classes, rows)
+
+
+def _missing(tracks: Tracks, vehicles: _Vehicles) -> tuple[str, ...]:
+    """Return a note if tracksMeta tells of frames that the tracks do not have, as where they were cut off."""
+    seen = dict(zip(*map(np.ndarray.tolist, np.unique(tracks.vehicle, return_counts=True)), strict=True))
+    fewer = {vehicle: rows - seen.get(vehicle, 0) for vehicle, rows in vehicles.rows.items()}
+    fewer = {vehicle: rows for vehicle, rows in fewer.items() if rows > 0}
+    if not fewer:
+        return ()
+    return (
+        f"tracksMeta tells of {counted(int(sum(fewer.values())), 'row')} of {counted(len(fewer), 'vehicle')} "
+        "that the tracks do not have",
+    )
 
 
 def _read_meta(path: Path) -> _Meta:
@@ -163,6 +189,11 @@ def _limits(path: Path, row: pd.Series[Any], count: int) -> list[float]:
                 f"{path}:2: column laneSpeedLimits: {text!r} is not {count} numbers joined by ';', one for "
                 "each lane"
             )
+    if not limits_are_plain(np.array(values)):
+        raise UserError(
+            f"{path}:2: speed limit {', '.join(f'{value:g}' for value in values)}: expected m/s, at most "
+            f"{HIGHEST_LIMIT:g}, or -1 for none (120 km/h are 33.33)"
+        )
     return [limit if limit > 0 else UNLIMITED_SPEED for limit in values]
 
 
@@ -226,20 +257,3 @@ def _lanes(upper: Sequence[float], lower: Sequence[float], limits: Sequence[floa
             zip(strips, limits, strict=True), start=1
         )
     )
-
-
-def _notes(
-    tracks: Tracks, lane: np.ndarray, lanes: Sequence[Lane], merging_lanes: Sequence[MergingLane]
-) -> tuple[str, ...]:
-    """Return notes on rows that do not fit the road."""
-    notes = []
-    off = lane == 0
-    for merging in merging_lanes:
-        off &= np.abs(tracks.y - merging.centre) > merging.width / 2
-    if off.any():
-        notes.append(f"{int(off.sum())} rows have their centre in no lane (lane 0)")
-    sign = np.array([0] + [item.direction.sign for item in lanes])[lane]
-    backward = int((tracks.vx * sign < -1.0).sum())
-    if backward:
-        notes.append(f"{backward} rows move against their lane's direction faster than 1 m/s")
-    return tuple(notes)

@@ -16,11 +16,21 @@ import pandas as pd
 
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Floats
-from drlsl.traffic.columns import COMMAS, Kind, Layout, read_columns, read_header
+from drlsl.traffic.assemble import Road, assemble
+from drlsl.traffic.columns import COMMAS, Kind, Layout, line_of_row, read_columns, read_header
 from drlsl.traffic.ngsim_road import fit_lanes, straighten
+from drlsl.traffic.plausible import (
+    TOLERATED,
+    Place,
+    check_contradictions,
+    check_rows,
+    step_ratio,
+    true_frames,
+)
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.sources import Format, Source
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, segment_starts, without_duplicates
+from drlsl.traffic.tracks import Tracks, segment_starts, without_duplicates
+from drlsl.traffic.words import counted
 
 FOOT = 0.3048
 """Metres in a foot."""
@@ -114,26 +124,27 @@ def load_ngsim(source: Source) -> Recording:
     (path,) = source.files
     layout = COMMAS if source.format is Format.NGSIM_CSV else TEXT_LAYOUT
     table, dropped = _choose_part(path, _read(path, layout), source.part)
-    tracks, rows, repeated = without_duplicates(_tracks(table))
+    read, place = _tracks(path, table, layout)
+    check_rows(place, read)
+    read, rate, thinned = true_frames(place, read, FRAME_RATE)
+    tracks, rows, repeated = without_duplicates(read)
+    check_contradictions(path, len(read), repeated)
     codes, lane_ids = (table[column].to_numpy(dtype=np.int64)[rows] for column in ("v_Class", "Lane_ID"))
     y, bend = straighten(tracks, lane_ids)
     tracks = replace(tracks, y=y)
     lanes = fit_lanes(path, tracks, lane_ids, SPEED_LIMIT)
-    speeds = _velocities(tracks)
+    speeds = _velocities(path, tracks, rate)
     tracks = replace(tracks, vx=speeds.vx, vy=speeds.vy)
-    recording = Recording(
-        name=source.name,
-        frame_rate=FRAME_RATE,
-        lanes=lanes,
-        x_min=float((tracks.x - tracks.length / 2).min()),
-        x_max=float((tracks.x + tracks.length / 2).max()),
-        frames=pack(tracks, lanes_of_rows(tracks.y, lanes), name=source.name),
-        vehicle_class=_classes(path, tracks, codes),
+    return assemble(
+        source.name,
+        place,
+        tracks,
+        rate,
+        Road(lanes),
+        _classes(path, tracks, codes),
         dropped=(*dropped, *repeated),
-        notes=_notes(tracks, bend, speeds),
+        notes=(*thinned, *_notes(bend, speeds)),
     )
-    recording.validate()
-    return recording
 
 
 def _read(path: Path, layout: Layout) -> pd.DataFrame:
@@ -156,13 +167,20 @@ def ngsim_parts(path: Path, table: pd.DataFrame) -> npt.NDArray[np.str_]:
         table["Location"].str.strip().str.lower() if "Location" in table else pd.Series("", index=table.index)
     )
     if sites.isna().any():
-        raise UserError(f"{path}: column Location is empty in {int(sites.isna().sum())} rows")
+        raise UserError(f"{path}: column Location is empty in {counted(int(sites.isna().sum()), 'row')}")
     start = table["Global_Time"] - table["Frame_ID"] * (1000 / FRAME_RATE)
     parts = sites.to_numpy(dtype=np.str_).astype(object)
     for site in sites.unique():
         rows = np.flatnonzero(sites == site)
         starts = np.unique(start.to_numpy()[rows])
         period = np.concatenate([[0], np.cumsum(np.diff(starts) > NEW_PERIOD)])
+        first = starts[np.searchsorted(period, np.arange(period[-1] + 1))]
+        last = starts[np.searchsorted(period, np.arange(period[-1] + 1), side="right") - 1]
+        if (last - first).max() > NEW_PERIOD:
+            raise UserError(
+                f"{path}: column Global_Time does not run with Frame_ID, 100 ms a frame: frame 0 would be "
+                f"anywhere in {(last - first).max() / 1000:,.0f} s; did a spreadsheet round it?"
+            )
         if period[-1]:
             parts[rows] = [
                 f"{site}/{number + 1}" for number in period[np.searchsorted(starts, start.to_numpy()[rows])]
@@ -192,12 +210,12 @@ def _choose_part(
     return table[sized], tuple(item for item in reasons if item.rows)
 
 
-def _tracks(table: pd.DataFrame) -> Tracks:
-    """Return tracks in SI units by vehicle centres; vy is not in the table and 0 for now."""
+def _tracks(path: Path, table: pd.DataFrame, layout: Layout) -> tuple[Tracks, Place]:
+    """Return tracks in SI units by vehicle centres, and their place; vy is not in the table and 0 for now."""
     column = {name: table[name].to_numpy(dtype=np.float64) for name in COLUMNS}
     frame = column["Frame_ID"].astype(np.int64)
     length = column["v_length"] * FOOT
-    return Tracks(
+    tracks = Tracks(
         frame=frame - frame.min(),
         vehicle=column["Vehicle_ID"].astype(np.int64),
         x=column["Local_Y"] * FOOT - length / 2,
@@ -207,16 +225,27 @@ def _tracks(table: pd.DataFrame) -> Tracks:
         length=length,
         width=column["v_Width"] * FOOT,
     )
+    rows = table.index.to_numpy()
+    return tracks, Place(path, int(frame.min()), lambda row: line_of_row(path, int(rows[row]), layout)[0])
 
 
-def _velocities(tracks: Tracks) -> Estimated:
+def _velocities(path: Path, tracks: Tracks, rate: float) -> Estimated:
     """Return vx from v_Vel if the positions confirm it, else from positions, and vy from positions.
 
     v_Vel is smoother than differences of positions. In a track where the two differ by more than
     SPEED_TOLERANCE, the positions take precedence, so that each vehicle moves with its velocity.
+
+    Raises:
+        UserError: all differ by one factor, as where v_Vel is in another unit.
     """
+    ratio = step_ratio(tracks, rate)
+    if ratio is not None and abs(ratio - 1) > TOLERATED:
+        raise UserError(
+            f"{path}: positions move {ratio:.2f} times as fast as v_Vel says; expected feet, ft/s, and "
+            "ten frames a second"
+        )
     starts = segment_starts(tracks)
-    moved_x, moved_y = (slopes(values, starts) * FRAME_RATE for values in (tracks.x, tracks.y))
+    moved_x, moved_y = (slopes(values, starts) * rate for values in (tracks.x, tracks.y))
     lengths = np.diff(np.append(starts, len(tracks)))
     known = np.repeat(lengths > 1, lengths)
     squares = np.add.reduceat(np.where(known, moved_x - tracks.vx, 0.0) ** 2, starts)
@@ -264,12 +293,10 @@ def _classes(path: Path, tracks: Tracks, codes: npt.NDArray[np.int64]) -> dict[i
     }
 
 
-def _notes(tracks: Tracks, bend: float, speeds: Estimated) -> tuple[str, ...]:
-    starts = segment_starts(tracks)
-    gaps = len(starts) - len(np.unique(tracks.vehicle))
+def _notes(bend: float, speeds: Estimated) -> tuple[str, ...]:
     notes = [f"road straightened: its axis wanders by {bend:.1f} m from side to side"]
-    if gaps:
-        notes.append(f"{gaps} gaps in tracks; a vehicle that reappears counts as a new appearance")
-    if speeds.disbelieved:
+    if speeds.disbelieved == 1:
+        notes.append("1 vehicle's vx from positions, which contradict v_Vel")
+    elif speeds.disbelieved:
         notes.append(f"{speeds.disbelieved} vehicles' vx from positions, which contradict v_Vel")
     return tuple(notes)

@@ -22,6 +22,9 @@ from drlsl.traffic.tracks import Tracks
 CELL = 10.0
 """Length of the cells [m] in which lateral positions are combined."""
 
+NOBODY = 300.0
+"""Length of road [m] on which no vehicle is seen, at which the road ends."""
+
 SPAN = 0.8
 """Share of the section a lane must span to be one of the road's; auxiliary lanes and ramps span less."""
 
@@ -42,7 +45,7 @@ def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats,
     penalty on the axis' second differences. The axis is 0 on average, so that positions stay near the
     recorded ones.
     """
-    passages = _passages(tracks, lane_ids)
+    passages = _longest_road(_passages(tracks, lane_ids))
     cells = passages.groupby(["lane", "cell"])["y"].agg(["median", "size"]).reset_index()
     cells.columns = pd.Index(["lane", "cell", "y", "vehicles"])
     first, count = int(cells["cell"].min()), int(cells["cell"].max() - cells["cell"].min()) + 1
@@ -61,6 +64,18 @@ def straighten(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> tuple[Floats,
     axis -= axis.mean()
     middles = (first + np.arange(count) + 0.5) * CELL
     return tracks.y - np.interp(tracks.x, middles, axis), float(np.ptp(axis))
+
+
+def _longest_road(passages: pd.DataFrame) -> pd.DataFrame:
+    """Return the passages through the road, without those beyond a stretch that no vehicle passes.
+
+    A single row with a wrong position would else be 18 km of road to fit an axis to.
+    """
+    present = np.unique(passages["cell"].to_numpy())
+    block = np.concatenate([[0], np.cumsum(np.diff(present) > NOBODY / CELL)])
+    blocks = block[np.searchsorted(present, passages["cell"].to_numpy())]
+    longest: pd.DataFrame = passages[blocks == np.bincount(blocks).argmax()]
+    return longest
 
 
 def _passages(tracks: Tracks, lane_ids: npt.NDArray[np.int64]) -> pd.DataFrame:

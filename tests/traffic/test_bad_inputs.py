@@ -197,10 +197,92 @@ def test_every_row_without_a_size(tmp_path: Path) -> None:
 def test_an_empty_location(tmp_path: Path) -> None:
     path = write_ngsim_csv(tmp_path / "t.csv", [Row(1, 1, 5.0, 1.8), Row(2, 1, 6.0, 1.8)], site="us-101")
     cell(path, 3, 18, "")
-    assert_one_line(path, "column Location is empty in 1 rows")
+    assert_one_line(path, "column Location is empty in 1 row")
 
 
 def test_nothing_there(tmp_path: Path) -> None:
     assert_one_line(tmp_path / "nope", "no such file or folder, and no bundled recording (those are freeway,")
     assert_one_line(f"{tmp_path / 'nope'}#01", "no such file or folder")
     assert_one_line(tmp_path, "no recording in this folder")
+
+
+def steady(kind: str, path: Path, frames: int = 60) -> Path:
+    """Two vehicles in one lane each, that drive as their velocities say."""
+    rate = {"highd": 25.0, "ngsim": 10.0}[kind]
+    rows = [
+        Row(frame, vehicle, 40.0 * vehicle + 30.0 * frame / rate, 4.0 * vehicle + 18.0, lane=vehicle)
+        for vehicle in (1, 2)
+        for frame in range(1, frames + 1)
+    ]
+    return write_highd(path, rows) if kind == "highd" else write_ngsim_csv(path, rows)
+
+
+def test_a_position_at_the_end_of_the_world(tmp_path: Path) -> None:
+    path = steady("ngsim", tmp_path / "t.csv")
+    cell(path, 9, 5, "1000000")
+    assert_one_line(path, "t.csv:9: vehicle 1 in frame 8 is 305 km away from the others, along the road")
+
+
+def test_a_road_that_one_row_makes_long_is_noted(tmp_path: Path) -> None:
+    path = steady("ngsim", tmp_path / "t.csv")
+    cell(path, 9, 5, "60000")
+    recording = load_recording(path, cache=False)
+    assert len(recording.lanes) == 2
+    assert any("1 row more than 1 km away from the others along the road" in one for one in recording.notes)
+
+
+def test_quoted_decimal_commas_are_no_thousands(tmp_path: Path) -> None:
+    path = steady("ngsim", tmp_path / "t.csv")
+    lines = path.read_text().splitlines()
+    lines[1:] = [",".join([*line.split(",")[:8], '"5,600"', *line.split(",")[9:]]) for line in lines[1:]]
+    path.write_text("\n".join([*lines, ""]))
+    assert_one_line(path, "t.csv: column v_length: '5,600': does its comma separate decimals or thousands?")
+
+
+def test_two_periods_whose_times_are_rounded(tmp_path: Path) -> None:
+    rows = [
+        Row(frame, 1, 5.0 + 1.5 * frame, 1.8, vx=15.0 + period)
+        for period in (0, 1)
+        for frame in range(1, 800)
+    ]
+    path = write_ngsim_csv(tmp_path / "t.csv", rows)
+    lines = path.read_text().splitlines()
+    lines[1:] = [",".join([*line.split(",")[:3], "1.11885E+12", *line.split(",")[4:]]) for line in lines[1:]]
+    path.write_text("\n".join([*lines, ""]))
+    assert_one_line(path, "t.csv: column Global_Time does not run with Frame_ID, 100 ms a frame")
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_thinned_frames_are_those_of_their_true_times(tmp_path: Path, every: int) -> None:
+    whole = load_recording(steady("highd", tmp_path / "h", 200), cache=False)
+    lines = (tmp_path / "h" / "01_tracks.csv").read_text().splitlines()
+    lines[1:] = [line for line in lines[1:] if int(line.split(",")[0]) % every == 1]
+    (tmp_path / "h" / "01_tracks.csv").write_text("\n".join([*lines, ""]))
+    thinned = load_recording(tmp_path / "h", cache=False)
+    assert thinned.frame_rate == 25 / every
+    assert thinned.frames.x[:, 0].tolist() == whole.frames.x[::every, 0].tolist()
+    assert (thinned.frames.first == 0).all()
+    assert any("only every" in note for note in thinned.notes)
+
+
+def test_missing_frames_are_noted_and_the_others_keep_their_times(tmp_path: Path) -> None:
+    whole = load_recording(steady("highd", tmp_path / "h"), cache=False)
+    lines = (tmp_path / "h" / "01_tracks.csv").read_text().splitlines()
+    lines[1:] = [line for line in lines[1:] if not 20 <= int(line.split(",")[0]) <= 30]
+    (tmp_path / "h" / "01_tracks.csv").write_text("\n".join([*lines, ""]))
+    cut = load_recording(tmp_path / "h", cache=False)
+    assert "11 frames without a vehicle, the first of them 20" in cut.notes
+    assert "2 gaps in tracks; a vehicle that reappears counts as a new appearance" in cut.notes
+    assert cut.frames.x[40].tolist() == whole.frames.x[40].tolist()
+
+
+def test_limits_in_kilometres_an_hour(tmp_path: Path) -> None:
+    folder = steady("highd", tmp_path / "h")
+    edit(folder / "01_recordingMeta.csv", "-1.0", "120")
+    assert_one_line(folder, "speed limit 120, 120: expected m/s, at most 50, or -1 for none")
+
+
+def test_two_classes_of_one_vehicle(tmp_path: Path) -> None:
+    folder = steady("highd", tmp_path / "h")
+    edit(folder / "01_tracksMeta.csv", "2,Car\n", "2,Car\n2,Truck\n")
+    assert_one_line(folder, "vehicle 2 has two classes, car and truck")

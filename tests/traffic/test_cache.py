@@ -90,16 +90,18 @@ def test_a_changed_file_is_read_again(folder: Path, cache_folder: Path, file: st
 
 @pytest.mark.parametrize("line", [1, -2])
 def test_a_change_at_either_end_of_a_long_file_is_noticed(tmp_path: Path, line: int) -> None:
-    folder = write_highd(tmp_path / "h", [Row(frame, 1, 50.0 + frame / 64, 22.0) for frame in range(6000)])
+    folder = write_highd(
+        tmp_path / "h", [Row(frame, 1, 50.0 + 1.25 * frame, 22.0, vx=31.25) for frame in range(6000)]
+    )
     path = folder / "01_tracks.csv"
     assert path.stat().st_size > 3 * drlsl.traffic.cache.SAMPLE
     load_recording(folder)
     status, lines = path.stat(), path.read_text().split("\n")
-    lines[line] = lines[line].replace(",30.0,", ",31.0,")
+    lines[line] = lines[line].replace(",31.25,", ",31.75,")
     path.write_text("\n".join(lines))
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
     assert path.stat().st_size == status.st_size
-    assert 31.0 in load_recording(folder).frames.vx
+    assert 31.75 in load_recording(folder).frames.vx
 
 
 def test_equal_names_elsewhere_are_not_confused(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from drlsl.cli.data import app
 from drlsl.errors import UserError
+from drlsl.traffic import load_recording, recording_report
 from tests.traffic.writing import Row, write_highd
 
 runner = CliRunner()
@@ -36,13 +37,29 @@ def test_info_describes_a_recording(tmp_path: Path) -> None:
     rows = [Row(1, 1, 100.0, 22.0), Row(1, 1, 100.0, 22.0), Row(1, 2, 200.0, 5.0)]
     folder = write_highd(tmp_path / "h", rows, trucks=[2])
     text = run("info", str(folder))
-    assert "1 cars, 1 trucks" in text
-    assert "centre (m)" in text
-    assert "dropped: 1 rows: row repeated" in text
-    assert "note: 1 rows have their centre in no lane" in text
+    assert "1 car, 1 truck" in text
+    assert "centre" in text
+    assert "dropped: 1 row: row repeated" in text
+    assert "note: 1 row has its centre in no lane" in text
     facts = json.loads(run("info", str(folder), "--json"))
     assert facts["trucks"] == 1
     assert facts["lanes"][1]["speed_m_s"] is None
+
+
+@pytest.mark.parametrize("columns", ["60", "80"])
+@pytest.mark.parametrize("name", ["highway-test", "freeway"])
+def test_info_is_readable_in_a_narrow_window(name: str, columns: str) -> None:
+    result = runner.invoke(app, ["info", name], catch_exceptions=False, env={"COLUMNS": columns})
+    report = recording_report(load_recording(name))
+    assert "…" not in result.output
+    assert max(map(len, result.output.splitlines())) <= int(columns)
+    words = result.output.replace("│", " ").split()
+    for lane in report.lanes:
+        assert lane.speed_m_s is not None
+        assert lane.gap_m is not None
+        assert f"{lane.speed_m_s.mean:.1f}" in words
+        assert f"{lane.gap_m.p50:.1f}" in words
+        assert f"{lane.centre_m:.2f}" in words
 
 
 def test_info_of_nothing_is_a_user_error() -> None:

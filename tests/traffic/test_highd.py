@@ -119,8 +119,8 @@ def test_a_gap_in_a_track_is_a_new_appearance(tmp_path: Path) -> None:
 def test_odd_rows_are_noted(tmp_path: Path) -> None:
     rows = [Row(1, 1, 50, 22, vx=-30.0), Row(1, 2, 80, 5)]
     notes = load_recording(write_highd(tmp_path / "h", rows)).notes
-    assert "1 rows have their centre in no lane (lane 0)" in notes
-    assert "1 rows move against their lane's direction faster than 1 m/s" in notes
+    assert "1 row has its centre in no lane (lane 0)" in notes
+    assert "1 row moves against the lane's direction faster than 1 m/s" in notes
 
 
 @pytest.mark.parametrize(("suffix", "opener"), [(".gz", gzip.open), (".xz", lzma.open)])

@@ -143,7 +143,7 @@ def test_a_recorded_speed_that_positions_contradict_is_set_aside(tmp_path: Path)
     rows = traffic(2) + [Row(**{**vars(row), "vx": 22.0}) for row in drive(3, 3)]
     recording = load_recording(write_ngsim_csv(tmp_path / "t.csv", rows))
     assert by_vehicle(recording, 3)["vx"] == pytest.approx(np.full(200, 15.0))
-    assert "1 vehicles' vx from positions, which contradict v_Vel" in recording.notes
+    assert "1 vehicle's vx from positions, which contradict v_Vel" in recording.notes
 
 
 def test_a_recorded_speed_near_the_positions_stays(tmp_path: Path) -> None:
