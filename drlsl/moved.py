@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from types import ModuleType
 from typing import Final
 
@@ -75,7 +74,7 @@ MOVED: Final = {f"drlsl.{old}": home for home, modules in _CAME_FROM.items() for
 """The present package of each module, by its old name."""
 
 
-class _Signpost(MetaPathFinder):
+class _Signpost:
     """The last finder, for modules that no other has found."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from functools import partial
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from pkgutil import resolve_name
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
+
+if TYPE_CHECKING:  # importlib.abc takes longer to load than the rest of this module
+    from importlib.abc import Loader
 
 ENV_ID: Final = "drlsl/Highway-v0"
 
@@ -56,7 +58,7 @@ def _show(shown_by: str, value: Any) -> Any:
     return resolve_name(shown_by)(value)
 
 
-class _WhenImported(MetaPathFinder):
+class _WhenImported:
     """Finds Gymnasium as usual, and has the environments registered when it is loaded.
 
     It stays until then: libraries look for Gymnasium to see whether it is there, and do not load it.
@@ -73,14 +75,14 @@ class _WhenImported(MetaPathFinder):
         finally:
             sys.meta_path.insert(0, self)
         if spec is not None and spec.loader is not None:
-            spec.loader = _ThenRegister(self, spec, spec.loader)
+            spec.loader = cast("Loader", _ThenRegister(self, spec, spec.loader))
         return spec
 
 
-class _ThenRegister(Loader):
+class _ThenRegister:
     """Loads a module with its own loader, and registers the environments after."""
 
-    def __init__(self, finder: MetaPathFinder, spec: ModuleSpec, loader: Loader) -> None:
+    def __init__(self, finder: _WhenImported, spec: ModuleSpec, loader: Loader) -> None:
         self._finder = finder
         self._spec = spec
         self._loader = loader

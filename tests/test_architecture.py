@@ -184,3 +184,21 @@ def test_a_query_stays_light() -> None:
     scene = ROOT / "examples" / "scene.json"
     loaded = loaded_by(f"from drlsl.cli import run; assert run(['query', '--state', {str(scene)!r}]) == 0")
     assert loaded.isdisjoint({"torch", "pandas", "matplotlib", "gymnasium", "numpy"})
+
+
+def test_a_query_imports_no_other_command_and_no_compiler() -> None:
+    scene = ROOT / "examples" / "scene.json"
+    code = f"from drlsl.cli import run; assert run(['query', '--state', {str(scene)!r}]) == 0"
+    names = "sorted(name for name in sys.modules if name.startswith(('drlsl.cli.', 'drlsl.logic.jit.')))"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}\nimport sys; print(*{names}, file=sys.stderr)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert set(done.stderr.split()) == {
+        "drlsl.cli.failures",
+        "drlsl.cli.options",
+        "drlsl.cli.query",
+        "drlsl.logic.jit.tiering",
+    }

@@ -5,26 +5,14 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections import UserDict
 from collections.abc import Sequence
-from typing import Annotated, Any
+from pkgutil import resolve_name
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
-from drlsl.cli import (
-    bench,
-    config,
-    data,
-    evaluate,
-    export,
-    query,
-    render,
-    rules,
-    runs,
-    stress,
-    study,
-    train,
-    view,
-)
 from drlsl.errors import UserError
 from drlsl.files import printable
 from drlsl.logic import PrologError
@@ -35,8 +23,53 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for t
 CLICK_ERROR: Any = typer.BadParameter.__mro__[2]
 """ClickException, the base of everything that a command line can get wrong; Typer does not export it."""
 
+_PLACES: Final = {
+    "train": "drlsl.cli.train:train",
+    "study": "drlsl.cli.study:study",
+    "eval": "drlsl.cli.evaluate:evaluate",
+    "export": "drlsl.cli.export:export",
+    "query": "drlsl.cli.query:query",
+    "stress": "drlsl.cli.stress:stress",
+    "render": "drlsl.cli.render:render",
+    "view": "drlsl.cli.view:view",
+    "runs": "drlsl.cli.runs:app",
+    "config": "drlsl.cli.config:app",
+    "data": "drlsl.cli.data:app",
+    "rules": "drlsl.cli.rules:app",
+    "bench": "drlsl.cli.bench:app",
+}
+"""Where each command is: a function, or a Typer application of several."""
+
+
+class _Commands(UserDict[str, Any]):
+    """The commands by their names; the module of one is imported when it is asked for."""
+
+    def __getitem__(self, name: str) -> Any:
+        if isinstance(self.data[name], str):
+            self.data[name] = _made_command(name, resolve_name(self.data[name]))
+        return self.data[name]
+
+
+def _made_command(name: str, found: Any) -> Any:
+    alone = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False)
+    if isinstance(found, typer.Typer):
+        alone.add_typer(found, name=name)
+    else:
+        alone.command(name)(found)
+    return typer.main.get_group(alone).commands[name]
+
+
+class _Program(TyperGroup):
+    """The program, whose commands are not all imported for one."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.commands = _Commands(_PLACES)
+
+
 app = typer.Typer(
     name="drlsl",
+    cls=_Program,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -57,21 +90,6 @@ def _program(
     ] = False,
 ) -> None:
     """Safe reinforcement learning for highway driving, shielded by readable Prolog rules."""
-
-
-app.command()(train.train)
-app.command()(study.study)
-app.command("eval")(evaluate.evaluate)
-app.command()(export.export)
-app.command()(query.query)
-app.command()(stress.stress)
-app.command()(render.render)
-app.command()(view.view)
-app.add_typer(runs.app, name="runs")
-app.add_typer(config.app, name="config")
-app.add_typer(data.app, name="data")
-app.add_typer(rules.app, name="rules")
-app.add_typer(bench.app, name="bench")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

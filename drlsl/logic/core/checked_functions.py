@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import operator
-import random
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -24,6 +23,8 @@ from drlsl.logic.errors import domain_error, evaluation_error, resource_error, t
 from drlsl.logic.terms import MOST_BITS
 
 if TYPE_CHECKING:
+    import random
+
     from drlsl.logic.core.builtin_table import Caller
 
 Number: TypeAlias = int | float
@@ -363,6 +364,8 @@ def highest_bit(value: Number) -> int:
 
 def generator(machine: Caller) -> random.Random:
     """Return the engine's source of random numbers."""
+    import random  # few programs draw, and it takes time to load
+
     known: random.Random = machine.state.setdefault("random", random.Random())
     return known
 

@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import Any, Final, TypeAlias
 
 from drlsl.logic.conversion import to_plain
@@ -104,6 +103,8 @@ class Explanation:
 
     def _repr_html_(self) -> str:
         """Return the lines of text as they are, for notebooks."""
+        from html import escape
+
         return f"<pre>{escape(self.text())}</pre>"
 
 

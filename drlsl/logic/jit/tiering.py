@@ -19,6 +19,8 @@ PATIENCE: Final = 8.0
 
 # Compiling takes at least the time of this number of nodes, so smaller predicates are not measured.
 _SMALL: Final = 64
+# Importing the compiler takes the time of compiling this number of nodes.
+_LOADING: Final = 1000
 _MOST_CLAUSES: Final = 40
 _LARGEST_CLAUSE: Final = 10_000
 _DEEPEST_CLAUSE: Final = 60
@@ -26,6 +28,10 @@ _DEEPEST_CLAUSE: Final = 60
 _LARGE: Final = 100
 # The cost of a return to a clause, as a part of the cost of a call.
 _REST: Final = 0.15
+
+_COMPILER: Final = "drlsl.logic.jit.predicate"
+_unpaid = PATIENCE * _LOADING
+"""Calls by the plain solver that have yet to be made before the compiler is imported."""
 
 
 def cold_entry(linker: Resolver, predicate: Predicate) -> Any:
@@ -52,7 +58,7 @@ def _call_cold(
         predicate.cold = int(PATIENCE * max(0, _size(predicate) - _SMALL))
         again: Task = _settle(predicate, partial(_call_cold, linker, predicate, measured=True))(machine, task)
         return again
-    else:
+    elif _is_loading_due(predicate):
         entry = _compile(linker, predicate)
         _settle(predicate, entry or partial(_call_plain, predicate))
         if entry is not None:
@@ -60,6 +66,16 @@ def _call_cold(
             return compiled
         predicate.cold = sys.maxsize
     return _call_plain(predicate, machine, task)
+
+
+def _is_loading_due(predicate: Predicate) -> bool:
+    """Return whether the compiler is loaded, or the calls of all such predicates pay for that as well."""
+    global _unpaid
+    if _unpaid <= 0 or _COMPILER in sys.modules:
+        return True
+    predicate.cold = int(PATIENCE * _size(predicate))
+    _unpaid -= predicate.cold
+    return not predicate.cold
 
 
 def _settle(predicate: Predicate, entry: Any) -> Any:
