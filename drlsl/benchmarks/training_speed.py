@@ -99,7 +99,7 @@ def _bare(env: VectorHighway, config: TrainConfig) -> Turn:
         terminated=np.zeros(rows, np.bool_),
         next_masks=np.ones((rows, count), np.bool_),
     )
-    (batch,) = replay.sample(1)
+    (batch,) = replay.sample(1).batches
 
     def turn() -> int:
         for _ in range(UPDATES):

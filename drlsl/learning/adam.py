@@ -1,6 +1,8 @@
 """Adam on one vector of parameters, and on those of any module."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final, Protocol
 
 import torch
@@ -13,6 +15,26 @@ BETA_1: Final = 0.9
 BETA_2: Final = 0.999
 EPSILON: Final = 1e-8
 """PyTorch's defaults, and so the paper's as far as it tells."""
+
+
+_SMALLEST: Final = math.ulp(0.0)
+
+
+@contextmanager
+def no_subnormals() -> Iterator[None]:
+    """Make this thread compute with 0 in place of numbers below the smallest normal one.
+
+    Where the gradient stays 0, as behind a ReLU that no state activates, Adam's running mean shrinks by a
+    tenth a step until it is such a number, and a step on many of them takes half as long again.
+    """
+    if _SMALLEST * 1.0 == 0.0:
+        yield
+        return
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)
 
 
 class Optimiser(Protocol):
@@ -51,22 +73,23 @@ class Adam:
 
     def step(self) -> None:
         """Take one step down the gradient."""
-        adam(
-            [self._parameters],
-            [self._gradient],
-            [self._mean],
-            [self._square],
-            [],
-            [self._steps],
-            fused=True,
-            lr=self.learning_rate,
-            beta1=BETA_1,
-            beta2=BETA_2,
-            weight_decay=0.0,
-            eps=EPSILON,
-            amsgrad=False,
-            maximize=False,
-        )
+        with no_subnormals():
+            adam(
+                [self._parameters],
+                [self._gradient],
+                [self._mean],
+                [self._square],
+                [],
+                [self._steps],
+                fused=True,
+                lr=self.learning_rate,
+                beta1=BETA_1,
+                beta2=BETA_2,
+                weight_decay=0.0,
+                eps=EPSILON,
+                amsgrad=False,
+                maximize=False,
+            )
 
     def get_state(self) -> dict[str, Any]:
         """Return running means, counter and rate, in plain types and tensors."""
@@ -117,7 +140,7 @@ class ModuleAdam:
         if not torch.stack([gradient.sum() for gradient in gradients]).sum().isfinite():
             raise DivergedError("the gradient is not finite")
         # The first step creates its running means, which must not be inference-mode tensors.
-        with torch.inference_mode(False):
+        with torch.inference_mode(False), no_subnormals():
             self._adam.step()
 
     def get_state(self) -> dict[str, Any]:

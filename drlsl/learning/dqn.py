@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import torch
@@ -12,7 +12,10 @@ from drlsl.driving.drivers import Choice, most_wanted
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig
 from drlsl.learning.divergence import DivergedError, check_values
 from drlsl.learning.network import Policy, make_networks
-from drlsl.learning.replay import Batch
+from drlsl.learning.replay import Batch, Replay, Sample
+
+FEW: Final = 8
+"""Rows below which a product may be another routine's, which rounds differently."""
 
 
 def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Choice:
@@ -85,6 +88,8 @@ class DqnAgent:
         self.network, self._target = make_networks(network, observation_size, action_count, generator, device)
         self._optimiser = self.network.optimiser()
         self.policy = Policy(self.network, device, network.window)
+        # On a GPU a target that was kept would have to be sent there, at each update.
+        self._steady = self.network.steady and device.type == "cpu"
         self.updates = 0
 
     @property
@@ -111,17 +116,51 @@ class DqnAgent:
             choice.actions[row] = self._rng.choice(np.flatnonzero(offered[row]))
         return choice
 
+    def learn(self, replay: Replay, updates: int) -> list[float]:
+        """Take steps of Adam, each on a minibatch of its own from the memory; return their losses.
+
+        Raises:
+            DivergedError: the loss or its gradient is not finite; the weights are those of the step before.
+        """
+        sample, every = replay.sample(updates), self._learning.target_every
+        losses: list[float] = []
+        while len(losses) < updates:
+            # The updates that are left until the target network is renewed.
+            part = slice(len(losses), len(losses) + every - self.updates % every)
+            batches = sample.batches[part]
+            targets = self._targets(replay, sample, part) if self._steady else [None] * len(batches)
+            losses += [self.update(batch, known) for batch, known in zip(batches, targets, strict=True)]
+        return losses
+
     @torch.inference_mode()
-    def update(self, batch: Batch) -> float:
-        """Take one step of Adam on a minibatch and return its loss.
+    def _targets(self, replay: Replay, sample: Sample, part: slice) -> torch.Tensor:
+        """Return the targets of some of the minibatches. Shape: (minibatches, B)."""
+        known, places = replay.targets, sample.places[part]
+        missing = known.missing(places.ravel(), self.updates // self._learning.target_every)
+        if len(missing):
+            missing = np.resize(missing, max(FEW, len(missing)))
+            rows = sample.all.rows(missing + part.start * places.shape[1])
+            known.put(places.ravel()[missing], self._computed_targets(rows))
+        return known.take(places)
+
+    def _computed_targets(self, rows: Batch) -> torch.Tensor:
+        """Return the targets of transitions by the target network of now. Shape: (B,)."""
+        # In equal pieces of about a minibatch, whose values stay in the processor's cache.
+        pieces = rows.next_observations.tensor_split(-(-len(rows.actions) // self._learning.batch_size))
+        next_values = torch.cat([self._target.values(piece) for piece in pieces])
+        return td_targets(next_values, rows, self._learning.discount, self._learning.bootstrap)
+
+    @torch.inference_mode()
+    def update(self, batch: Batch, targets: torch.Tensor | None = None) -> float:
+        """Take one step of Adam on a minibatch and return its loss; without targets they are computed.
 
         Raises:
             DivergedError: the loss or its gradient is not finite; the weights are left as they were.
         """
         self._target.draw_noise()
         self.network.draw_noise()
-        next_values = self._target.values(batch.next_observations)
-        targets = td_targets(next_values, batch, self._learning.discount, self._learning.bootstrap)
+        if targets is None:
+            targets = self._computed_targets(batch)
         outputs = self.network.forward(batch.observations)
         loss = td_loss(outputs[-1].detach(), batch.actions, targets)
         value = loss.value.item()

@@ -63,6 +63,9 @@ class ModuleNetwork:
     every update, and the module acts in training mode, too.
     """
 
+    steady = False
+    """What a module depends on is its own affair."""
+
     def __init__(self, module: nn.Module, name: str, shape: Sequence[int], stream: RandomStream) -> None:
         """Wrap a module whose observations have a shape, (S,) or (window, S); `name` is for messages."""
         self.module = module

@@ -27,6 +27,10 @@ from drlsl.learning.network_factory import call_factory
 class Network(Protocol):
     """The interface that an agent needs of a network."""
 
+    @property
+    def steady(self) -> bool:
+        """True if its values in learning depend on nothing but its weights and the observations."""
+
     def optimiser(self) -> Optimiser:
         """Make the optimiser of this network."""
 
@@ -80,6 +84,8 @@ class QNetwork:
 
     Source: section "Network and Hyperparameters" (256-256-3).
     """
+
+    steady = True
 
     def __init__(
         self,
@@ -181,6 +187,8 @@ class NoisyQNetwork(QNetwork):
 
     Source: Fortunato et al., "Noisy networks for exploration", 2018, factorised noise.
     """
+
+    steady = False
 
     def __init__(
         self,

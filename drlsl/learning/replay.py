@@ -7,6 +7,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from drlsl.learning.targets import KnownTargets
+
 
 class Batch(NamedTuple):
     """A minibatch of B transitions with S observed values and A actions."""
@@ -17,6 +19,19 @@ class Batch(NamedTuple):
     next_observations: torch.Tensor  # Shape: (B, S), float32
     terminated: torch.Tensor  # Shape: (B,), bool
     next_masks: torch.Tensor  # Shape: (B, A), bool: the actions offered in the next state
+
+    def rows(self, positions: NDArray[np.int64]) -> "Batch":
+        """Return a copy of some of the transitions."""
+        index = torch.from_numpy(positions)
+        return Batch(*(field[index] for field in self))
+
+
+class Sample(NamedTuple):
+    """Minibatches that were drawn at once; they are valid until the next draw."""
+
+    batches: Sequence[Batch]
+    all: Batch  # The transitions of all minibatches, one after another.
+    places: NDArray[np.int64]  # Shape: (minibatches, B): where the memory holds them
 
 
 class Replay:
@@ -62,6 +77,9 @@ class Replay:
         self._drawn_records = self._drawn.numpy().view(record)[..., 0]
         self._given = self._drawn if device.type == "cpu" else torch.zeros_like(self._drawn, device=device)
         self._batches = [_batch_of(given, record) for given in self._given]
+        self._all = _batch_of(self._given.flatten(0, 1), record)
+        self.targets = KnownTargets(capacity)
+        """What an agent has computed of the transitions; forgotten together with them."""
 
     def __len__(self) -> int:
         """Return the number of transitions held."""
@@ -97,10 +115,11 @@ class Replay:
         fields["next_observations"][at] = next_observations
         fields["terminated"][at] = terminated
         fields["next_masks"][at] = next_masks
+        self.targets.forget(at)
         self._added += len(rewards)
 
-    def sample(self, count: int) -> Sequence[Batch]:
-        """Draw `count` minibatches uniformly, with replacement; they are valid until the next draw.
+    def sample(self, count: int) -> Sample:
+        """Draw `count` minibatches uniformly, with replacement.
 
         Raises:
             ValueError: the memory is empty, or was not made for so many minibatches.
@@ -111,16 +130,22 @@ class Replay:
             raise ValueError(f"{count} minibatches from a memory made for {len(self._batches)}")
         drawn = self._drawn_records[:count]
         # The indices are in range; mode "raise" would gather into a temporary array first.
-        self._records.take(self._rng.integers(len(self), size=drawn.shape), out=drawn, mode="clip")
+        places = self._rng.integers(len(self), size=drawn.shape)
+        self._records.take(places, out=drawn, mode="clip")
         if self._given is not self._drawn:
             self._given[:count].copy_(self._drawn[:count])
-        return self._batches[:count]
+        return Sample(self._batches[:count], self._all, places)
 
     def get_state(self) -> dict[str, Any]:
-        """Return the transitions held, their count and the generator, in plain types and tensors."""
+        """Return transitions, their count, known targets and the generator, in plain types and tensors."""
         held = len(self)
         fields = {name: torch.from_numpy(field[:held]).clone() for name, field in self._fields.items()}
-        return {"added": self._added, "rng": self._rng.bit_generator.state, "fields": fields}
+        return {
+            "added": self._added,
+            "rng": self._rng.bit_generator.state,
+            "fields": fields,
+            "targets": self.targets.get_state(),
+        }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Take over what `get_state` gave.
@@ -136,6 +161,9 @@ class Replay:
             here[:] = stored
         self._added = state["added"]
         self._rng.bit_generator.state = state["rng"]
+        # Checkpoints from before targets were kept have none: they are computed again.
+        if "targets" in state:
+            self.targets.set_state(state["targets"])
 
 
 _TORCH_TYPES = {"float32": torch.float32, "int64": torch.int64, "bool": torch.bool}

@@ -124,7 +124,7 @@ class Trainer:
     def _learn(self, updates: int) -> list[float]:
         if len(self._replay) < self._config.learning.learning_starts:
             return []
-        return [self.agent.update(batch) for batch in self._replay.sample(updates)]
+        return self.agent.learn(self._replay, updates)
 
     def get_state(self) -> dict[str, Any]:
         """Return all that the next step depends on."""

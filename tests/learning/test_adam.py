@@ -1,11 +1,12 @@
 import ast
+import math
 import re
 from pathlib import Path
 
 import torch
 
 import drlsl
-from drlsl.learning.adam import Adam
+from drlsl.learning.adam import Adam, no_subnormals
 
 
 def test_it_is_pytorchs_adam_to_the_bit() -> None:
@@ -51,3 +52,23 @@ def test_no_private_name_of_pytorch_is_used() -> None:
 def test_pytorch_is_bounded_for_the_functional_form_of_adam() -> None:
     project = (Path(drlsl.__file__).parents[1] / "pyproject.toml").read_text("utf-8")
     assert '"torch>=2.4,<3"' in project
+
+
+def test_a_mean_that_shrinks_becomes_zero() -> None:
+    gradient = torch.full((8,), 1e-30)
+    adam = Adam(torch.ones(8), gradient)
+    adam.step()
+    gradient.zero_()
+    for _ in range(400):
+        adam.step()
+    assert adam.get_state()["mean"].count_nonzero() == 0
+
+
+def test_numbers_are_flushed_in_a_step_alone() -> None:
+    smallest = math.ulp(0.0)
+    with no_subnormals():
+        assert smallest * 1.0 == 0.0
+        with no_subnormals():
+            pass
+        assert smallest * 1.0 == 0.0
+    assert smallest * 1.0 > 0.0

@@ -51,7 +51,7 @@ def test_a_batch_holds_the_latest_transitions_whole(
     replay = filled(capacity, count, batch_size=size, at_once=at_once)
     kept = range(max(0, count - capacity), count)
     assert len(replay) == len(kept)
-    (batch,) = replay.sample(1)
+    (batch,) = replay.sample(1).batches
     assert all(field.shape[0] == size for field in batch)
     for row in range(size):
         number = int(batch.observations[row, 0])
@@ -68,11 +68,11 @@ def test_a_batch_holds_the_latest_transitions_whole(
 def test_minibatches_drawn_at_once_are_different_ones() -> None:
     replay = empty(1_000, batch_size=50, batches=3)
     replay.add(**transitions(*range(1_000)))
-    numbers = [batch.observations[:, 0].tolist() for batch in replay.sample(3)]
+    numbers = [batch.observations[:, 0].tolist() for batch in replay.sample(3).batches]
     assert len({tuple(one) for one in numbers}) == 3
     again = empty(1_000, batch_size=50, batches=3)
     again.add(**transitions(*range(1_000)))
-    assert [batch.observations[:, 0].tolist() for batch in again.sample(2)] == numbers[:2]
+    assert [batch.observations[:, 0].tolist() for batch in again.sample(2).batches] == numbers[:2]
     with pytest.raises(ValueError, match="4 minibatches from a memory made for 3"):
         replay.sample(4)
 
@@ -80,13 +80,13 @@ def test_minibatches_drawn_at_once_are_different_ones() -> None:
 @given(capacity=st.integers(1, 8), count=st.integers(1, 20))
 @settings(max_examples=30, deadline=None)
 def test_every_kept_transition_can_be_drawn(capacity: int, count: int) -> None:
-    (batch,) = filled(capacity, count, batch_size=500).sample(1)
+    (batch,) = filled(capacity, count, batch_size=500).sample(1).batches
     drawn = {int(value) for value in batch.observations[:, 0]}
     assert drawn == set(range(max(0, count - capacity), count))
 
 
 def test_minibatches_are_drawn_evenly() -> None:
-    numbers = filled(10, 25, batch_size=20_000).sample(1)[0].observations[:, 0].numpy()
+    numbers = filled(10, 25, batch_size=20_000).sample(1).batches[0].observations[:, 0].numpy()
     counts = np.bincount(numbers.astype(np.int64) - 15, minlength=10)
     assert counts.min() > 1_800
     assert counts.max() < 2_200
@@ -100,7 +100,7 @@ def test_a_state_carries_over_contents_place_and_generator(capacity: int, count:
     for number in range(count, count + more):
         replay.add(**transitions(number))
         restored.add(**transitions(number))
-    for mine, theirs in zip(replay.sample(1)[0], restored.sample(1)[0], strict=True):
+    for mine, theirs in zip(replay.sample(1).all, restored.sample(1).all, strict=True):
         np.testing.assert_array_equal(mine, theirs)
 
 
@@ -160,5 +160,5 @@ def test_a_gpu_is_given_the_same_minibatches() -> None:
     for replay in (here, there):
         replay.add(**transitions(*range(60)))
     for _ in range(3):
-        for mine, theirs in zip(here.sample(2), there.sample(2), strict=True):
+        for mine, theirs in zip(here.sample(2).batches, there.sample(2).batches, strict=True):
             assert all(torch.equal(one, other.cpu()) for one, other in zip(mine, theirs, strict=True))
