@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from drlsl.driving.scene import Action
+from drlsl.driving.shield import NO_WISH
 from drlsl.driving.simulation import playbacks_of
 from drlsl.driving.simulation.egos import Egos
 from drlsl.driving.simulation.entry import Entry
 from drlsl.driving.simulation.playback import Courses, Playbacks
 from drlsl.errors import UserError
+from drlsl.traffic import Direction
 from tests.driving.recordings import LANES, WIDTH, Drive, recording
 
 EVERYONE = np.arange(5)
@@ -89,3 +91,21 @@ def test_a_lane_of_the_other_direction_cannot_be_kept(egos: tuple[Egos, Courses]
     some, courses = egos
     with pytest.raises(UserError, match="lane 3, which the road does not have in the ego's direction"):
         some.steer(np.zeros(5, dtype=np.int64), np.array([3, 2, 3, 4, 5]), courses)
+
+
+def test_an_ego_drives_alike_alone_and_beside_one_without_a_wish() -> None:
+    """As where the rules fail for an ego now and then: the fail-safe has no comfortable acceleration."""
+    playbacks = Playbacks(playbacks_of([recording([Drive(3, 5.0, 1.0)], frames=5)], 100.0))
+    [side] = [index for index, one in enumerate(playbacks.all) if one.direction is Direction.LEFT_TO_RIGHT]
+    paths = []
+    for count in (1, 2):
+        egos = Egos(count, (4.6, 1.9), 10)
+        courses = playbacks.courses.take(np.full(count, side))
+        for ego in range(count):
+            egos.place(ego, Entry(0, LANES[3], 100.0, 20.0))
+        path = []
+        for target, wish in ((20.05, NO_WISH), (20.1, 0.5), (20.05, NO_WISH), (20.2, NO_WISH)):
+            egos.drive(np.full(count, target), np.array([wish, NO_WISH][:count]), courses)
+            path.append((float(egos.at.x[0]), float(egos.at.speed[0])))
+        paths.append(path)
+    assert paths[0] == paths[1]

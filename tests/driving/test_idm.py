@@ -24,14 +24,13 @@ def test_who_follows_safely_never_runs_into_a_leader_that_brakes(
 ) -> None:
     # Both as fast; the gap is what the model keeps; the leader brakes, to a stop or for a while.
     gap = idm.MINIMUM_GAP + speed * idm.TIME_GAP + more
-    step = np.array([dt])
-    own, leader = np.array([speed]), np.array([speed])
+    own = leader = speed
     for index in range(round(15 / dt)):
-        asked = idm.idm_acceleration(np.array([gap]), own, leader)
+        asked = acceleration(gap, own, leader)
         pressed = braking if index * dt < release * 15 else -1.0
-        ahead, leader = move_forward(leader, np.array([-pressed]), step)
-        way, own = move_forward(own, asked, step)
-        gap += float(ahead[0] - way[0])
+        ahead, leader = move_forward(leader, -pressed, dt)
+        way, own = move_forward(own, asked, dt)
+        gap += ahead - way
         assert gap > 0.0
 
 

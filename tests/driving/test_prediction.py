@@ -16,7 +16,7 @@ from drlsl.driving import EnvConfig
 from drlsl.driving.scene import Scene, SceneBatch, Vehicle
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import World, in_direction, playbacks_of
-from drlsl.driving.simulation.controllers import LANE_GAIN, LATERAL_SPEED_LIMIT, LaneController, move
+from drlsl.driving.simulation.controllers import LANE_GAIN, LATERAL_SPEED_LIMIT, lane_control, move
 from drlsl.driving.simulation.prediction import NOTHING_OFFERED, TICK, predicted_actions, sideways
 from drlsl.traffic import Direction, load_recording
 from tests.driving.recordings import Drive, recording
@@ -86,13 +86,13 @@ def test_it_is_what_a_plain_reading_says(seed: int, vehicles: int, horizon: floa
 
 @pytest.mark.parametrize("change", [3.75, -3.75, 0.3, 0.0])
 def test_the_predicted_way_is_nearly_the_driven_one(change: float) -> None:
-    control, dt = LaneController.for_egos(1), np.array([0.04])
-    y, vy, target = np.array([10.0]), np.zeros(1), np.array([10.0 + change])
+    y, vy, integral, target = 10.0, 0.0, 0.0, np.array([10.0 + change])
     times = np.arange(1, 101, dtype=np.float64) * 0.04
     driven = []
     for _ in times:
-        y, vy = move(y, vy, control.acceleration(y, vy, target, dt), dt)
-        driven.append(float(y[0]))
+        acceleration, integral = lane_control(y, vy, target[0], 0.04, integral)
+        y, vy = move(y, vy, acceleration, 0.04)
+        driven.append(y)
     predicted = sideways(np.array([10.0]), target[None], times)[0, 0]
     assert np.abs(predicted - driven).max() < 0.6
     assert abs(predicted[-1] - target[0]) < 0.1

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from drlsl.driving.config import RewardConfig
 from drlsl.driving.simulation import TERMS
-from drlsl.driving.simulation.reward import Driven, reward_terms
+from drlsl.driving.simulation.reward import chosen_terms, reward_term, reward_weights
 
 
 def terms(
@@ -26,21 +25,27 @@ def terms(
     dt: float = 0.04,
 ) -> dict[str, float]:
     config = config or RewardConfig()
-    driven = Driven(
-        playing=np.array([playing]),
-        changed=np.array([changed]),
-        front_is_free=np.array([front_is_free]),
-        speed=np.array([speed]),
-        contact=np.array([contact]),
-        off_road=np.array([off_road]),
-        progress=np.array([progress]),
-        limit=np.array([limit]),
-        dt=np.array([dt]),
-        motion=lambda: (np.array([acceleration]), np.array([jerk])),
-    )
-    found = reward_terms(config, driven)
+    weights = reward_weights(config)
+    found = {
+        name: reward_term(
+            term,
+            weights,
+            playing,
+            changed,
+            front_is_free,
+            contact,
+            off_road,
+            speed,
+            progress,
+            limit,
+            acceleration,
+            jerk,
+            dt,
+        )
+        for name, term in zip(config.single_terms, chosen_terms(config).tolist(), strict=True)
+    }
     assert list(found) == config.single_terms
-    return {name: float(values[0]) for name, values in found.items()}
+    return found
 
 
 def test_the_papers_weights() -> None:

@@ -401,7 +401,7 @@ def test_machine_code_is_kept_and_a_damaged_copy_made_anew(tmp_path: Path) -> No
         path.write_bytes(content)
         hits, logged = run_small(tmp_path / "rules")
         assert hits == 0
-        assert f"{path}: damaged machine code of rules, made anew" in logged
+        assert f"{path}: damaged machine code, made anew" in logged
         assert run_small(tmp_path / "rules") == (1, "")
 
 

@@ -110,8 +110,10 @@ class HighwayEnv(gymnasium.Env[Any, np.int64]):
             TypeError, ValueError: the action is not an `Action`; nothing is driven.
             ActionNotOffered: in the mode `raise`, the action was not offered; nothing is driven.
         """
-        asked, offered = np.array([one_action(action)]), self.world.decisions.action_mask
-        settled = settle(asked, offered, self._mode, fallback=FALLBACK, names=ATOMS)
+        number, offered = one_action(action), self.world.decisions.action_mask
+        settled = Settled(np.array([number]), _YES)
+        if not offered[0, number]:
+            settled = settle(settled.taken, offered, self._mode, fallback=FALLBACK, names=ATOMS)
         result = drive_decision(
             self.world,
             settled.taken,

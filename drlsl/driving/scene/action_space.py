@@ -53,9 +53,10 @@ def several_actions(given: Any, count: int) -> Integers:
             f"the actions {_shown(given)} are of shape {numbers.shape}; expected ({count},), one for each "
             "environment"
         )
-    if numbers.min() < 0 or numbers.max() >= COUNT:
+    unsigned = numbers.astype(np.uint64)  # in which a negative number is a large one
+    if np.maximum.reduce(unsigned) >= COUNT:
         raise ValueError(f"unknown action in {_shown(given)}; expected {KNOWN}")
-    return numbers.astype(np.int64, copy=False)
+    return unsigned.view(np.int64)
 
 
 def _array(given: Any, count: int) -> npt.NDArray[Any]:

@@ -23,13 +23,13 @@ from drlsl.driving.scene import (
     road_facts,
     scene_facts,
 )
-from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, RuleFailure, usable
+from drlsl.driving.shield.decision import NO_WISH, Decision, Decisions, RuleFailure
+from drlsl.driving.shield.gathered import gather
 from drlsl.driving.shield.observation import ObservationSpace
 from drlsl.driving.shield.questions import (
     ACTIONS,
     COMFORT,
     ENTRY,
-    FREE,
     LANE,
     NAMES,
     QUESTIONS,
@@ -42,7 +42,7 @@ from drlsl.driving.shield.tier import SceneTier, Undecidable, told
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.terms import NIL, Struct
-from drlsl.lowering.backends import BatchAnswer, BatchProgram, Rows, compile_scalar
+from drlsl.lowering.backends import BatchAnswer, BatchProgram, Rows, compile_scalar, machine_code
 from drlsl.lowering.frontend import Lowered, Query, array_forms, lower
 from drlsl.lowering.ir import Bag, Node, NotLowerable, Relation, Sym, Undecided, emitted, resolve
 from drlsl.traffic import Mask
@@ -126,11 +126,15 @@ class ArrayTier:
         """
         self._asked = questions_of_a_decision(engine)
         lowered = lower(engine, SCHEMA, [query_of(one) for one in self._asked])
-        _check_forms(lowered)
+        _check_forms(lowered, len(observation))
         answers = compile_program(lowered)
         self.name = name
         self._observation = observation
-        self._actions = [action_of_atom(atom) for atom in answers.choices[query_of(ACTIONS)]]
+        atoms = answers.choices[query_of(ACTIONS)]
+        self._actions = np.array([action_of_atom(atom) for atom in atoms], dtype=np.int64)
+        self._low, self._high = np.array(observation.low), np.array(observation.high)
+        optional = self._asked[4:]
+        self._optional = [optional.index(one) if one in optional else None for one in (LANE, COMFORT)]
         self._answers = _Program(answers)
         self._entry = _Program(compile_program(lower(engine, SCHEMA, [query_of(ENTRY)])))
 
@@ -161,26 +165,38 @@ class ArrayTier:
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
         found, undecided = self._answers(scenes)
-        answers = dict(zip(self._asked, found, strict=True))
-        mask = np.zeros((len(scenes), len(Action)), dtype=np.bool_)
-        for column, action in enumerate(self._actions):
-            mask[:, action] |= answers[ACTIONS].value[:, column]
-        lane, comfort = answers.get(LANE), answers.get(COMFORT)
+        count = len(scenes)
+        actions, speed, state, free, *optional = found
+        lane, comfort = (optional[place] if place is not None else None for place in self._optional)
+        wishes = np.full(count, NO_WISH) if comfort is None else _floats(comfort.value)
+        speeds, numbers = _floats(speed.value), _floats(state.value)
+        mask, doubtful = np.empty((count, len(Action)), dtype=np.bool_), np.empty(count, dtype=np.bool_)
+        any_doubtful = machine_code(gather)(
+            undecided,
+            np.ascontiguousarray(actions.value),
+            self._actions,
+            speeds,
+            speed.fails,
+            numbers,
+            state.fails,
+            wishes,
+            undecided if comfort is None else comfort.fails,
+            undecided if lane is None else lane.fails,
+            self._low,
+            self._high,
+            mask,
+            doubtful,
+        )
         decisions = Decisions(
             action_mask=mask,
-            target_speed=np.asarray(answers[SPEED].value, dtype=np.float64),
-            observation=np.asarray(answers[STATE].value, dtype=np.float64),
-            front_is_free=answers[FREE].value,
+            target_speed=speeds,
+            observation=numbers,
+            front_is_free=free.value,
             lane_to_keep=scenes.target_lane.copy() if lane is None else np.asarray(lane.value, np.int64),
-            comfortable_acceleration=(
-                np.full(len(scenes), NO_WISH) if comfort is None else np.asarray(comfort.value, np.float64)
-            ),
+            comfortable_acceleration=wishes,
             failures={},
         )
-        for question, answer in answers.items():
-            if question.mode == "first":
-                undecided = undecided | answer.fails
-        return decisions, (undecided | ~usable(decisions, self._observation)).nonzero()[0].tolist()
+        return decisions, doubtful.nonzero()[0].tolist() if any_doubtful else []
 
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
         """Return whether the ego may enter where each scene places it."""
@@ -200,8 +216,8 @@ def _alone(scene: Scene) -> SceneBatch:
         raise RuleFailure(f"a fact cannot be told to the rules: {error}") from error
 
 
-def _check_forms(lowered: Lowered) -> None:
-    """Check that the answers are numbers, as many as a decision has.
+def _check_forms(lowered: Lowered, observed: int) -> None:
+    """Check that the answers are numbers, as many as a decision has, with an observation of so many.
 
     Raises:
         NotLowerable: they are not, in any scene; the interpreter will report what they are.
@@ -210,7 +226,7 @@ def _check_forms(lowered: Lowered) -> None:
         kinds = [node.kind for node in form.values]
         if form.query == query_of(SPEED) and not (form.plain and kinds[0] in _NUMBERS):
             raise NotLowerable(str(form.query), None, "its answer is no speed in m/s")
-        if form.query == query_of(STATE) and not _NUMBERS.issuperset(kinds):
+        if form.query == query_of(STATE) and (len(kinds) != observed or not _NUMBERS.issuperset(kinds)):
             raise NotLowerable(str(form.query), None, "its answer is no list of numbers")
         if form.query == query_of(COMFORT) and not (form.plain and kinds[0] in _NUMBERS):
             raise NotLowerable(str(form.query), None, "its answer is no acceleration in m/s²")
@@ -265,9 +281,11 @@ class _Program:
         self._roads: tuple[Road, ...] = ()
         self._road_rows: dict[tuple[str, int], Any] = {}
 
-    def __call__(self, scenes: SceneBatch) -> tuple[list[BatchAnswer[npt.NDArray[Any]]], Mask]:
+    def __call__(self, scenes: SceneBatch) -> tuple[Sequence[BatchAnswer[npt.NDArray[Any]]], Mask]:
         """Return the answers, and the scenes that are undecided, as NumPy arrays."""
         result = self._program(self._facts(scenes))
+        if isinstance(result.undecided, np.ndarray):
+            return result.answers, result.undecided
         answers = [BatchAnswer(_numpy(answer.value), _numpy(answer.fails)) for answer in result.answers]
         return answers, _numpy(result.undecided)
 
@@ -313,6 +331,11 @@ class _Program:
         return Rows(columns, np.arange(most) < np.array([[len(rows)] for rows in tables]))
 
 
+def _floats(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Return numbers as floats, in C order."""
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
 def _numpy(values: Any) -> npt.NDArray[Any]:
     """Return values as a NumPy array, from whatever device they are on."""
-    return np.asarray(values if isinstance(values, np.ndarray) else values.cpu())
+    return np.asarray(values.cpu())

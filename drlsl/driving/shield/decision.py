@@ -150,7 +150,7 @@ def decision_of(space: ObservationSpace, answers: Mapping[Question, Any], scene:
         if answer is None:
             raise RuleFailure(f"{question} has no solution")
     target_speed = _number(answers[SPEED])
-    if not _is_speed(target_speed):
+    if not is_speed(target_speed):
         raise RuleFailure(f"{SPEED} gave {answers[SPEED]!r}; expected a speed in m/s, 0 or more")
     numbers = _observed(space, answers[STATE])
     lane = answers.get(LANE, scene.target_lane)
@@ -158,7 +158,7 @@ def decision_of(space: ObservationSpace, answers: Mapping[Question, Any], scene:
         raise RuleFailure(f"{LANE} gave {lane!r}; expected a lane")
     wish = answers.get(COMFORT, NO_WISH)
     comfortable = _number(wish)
-    if not _is_wish(comfortable):
+    if not is_wish(comfortable):
         raise RuleFailure(f"{COMFORT} gave {wish!r}; expected an acceleration in m/s²")
     return Decision(safe, target_speed, numbers, answers[FREE], lane, comfortable)
 
@@ -178,16 +178,6 @@ def _observed(space: ObservationSpace, answer: object) -> tuple[float, ...]:
         expected = f"expected a number from {low:g} to {high:g}"
         raise RuleFailure(f"{STATE} gave {answer!r}, in which {name} is {answer[place]!r}; {expected}")
     return numbers
-
-
-def usable(decisions: Decisions, space: ObservationSpace) -> Mask:
-    """Return the mask of those of N decisions that a `Decision` could hold, shape (N,)."""
-    offers: Any = decisions.action_mask.any(axis=1)
-    numbers = decisions.observation
-    observed: Any = ((numbers >= space.low) & (numbers <= space.high)).all(axis=1)
-    drives: Any = _is_speed(decisions.target_speed) & _is_wish(decisions.comfortable_acceleration)
-    result: Mask = offers & observed & drives
-    return result
 
 
 def fail_safe(scene: Scene, space: ObservationSpace) -> Decision:
@@ -211,11 +201,11 @@ def _number(answer: object) -> float:
         return math.inf
 
 
-def _is_speed(value: Any) -> Any:
-    """Return whether a float, or each of an array, is a speed in m/s; NaN is not."""
+def is_speed(value: float) -> bool:
+    """Return whether a number is a speed in m/s; NaN is not."""
     return (value >= 0) & (value < math.inf)
 
 
-def _is_wish(value: Any) -> Any:
-    """Return whether a float, or each of an array, is an acceleration or `NO_WISH`; NaN is neither."""
+def is_wish(value: float) -> bool:
+    """Return whether a number is an acceleration or `NO_WISH`; NaN is neither."""
     return value > -math.inf

@@ -1,15 +1,12 @@
-"""The two controllers and the motion of the ego, for N egos at once."""
+"""The two controllers and the motion of one ego: plain functions, also readable for a compiler."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Self
-
-import numpy as np
+import math
+from typing import Final
 
 from drlsl.driving.scene import ACCELERATION_LIMIT, BRAKING_LIMIT
 from drlsl.driving.simulation.measures import HARD_BRAKING
-from drlsl.traffic import Floats
 
 LATERAL_ACCELERATION_LIMIT: Final = 3.0
 """Largest sideways acceleration of the ego [m/s²]."""
@@ -40,107 +37,61 @@ LANE_INTEGRAL_BAND: Final = 0.5
 """Offset [m] beyond which the lane controller does not integrate: a lane change must not wind it up."""
 
 
-@dataclass
-class _Controller:
-    """The memory of both controllers: the integral of the error, shape (N,)."""
+def speed_control(
+    speed: float, target: float, comfortable: float, dt: float, integral: float, last: float
+) -> tuple[float, float, float]:
+    """Return the acceleration [m/s²] towards a `comfortable` one [m/s²] with bounded jerk.
 
-    integral: Floats
-
-    @classmethod
-    def for_egos(cls, count: int) -> Self:
-        """Return a controller for `count` egos, at rest."""
-        return cls(np.zeros(count))
-
-    def reset(self, ego: int) -> None:
-        """Reset the integral of one ego."""
-        self.integral[ego] = 0.0
-
-
-@dataclass
-class SpeedController(_Controller):
-    """The speed along the road: a comfortable driver's below the target speed, or else PI control.
-
-    `last` (N,): the acceleration of the last step [m/s²].
+    Behind it stand the integral [m] and the acceleration of this step [m/s²], `integral` and `last` of the
+    next one. The acceleration is never above what leads to the target speed [m/s] within a time step `dt`
+    [s], whatever jerk that takes. Where `comfortable` is infinite, the ego drives the target speed.
     """
-
-    last: Floats
-
-    @classmethod
-    def for_egos(cls, count: int) -> Self:
-        """Return a controller for `count` egos, at rest."""
-        return cls(np.zeros(count), np.zeros(count))
-
-    def reset(self, ego: int) -> None:
-        """Reset the memory of one ego: it drives at a constant speed."""
-        super().reset(ego)
-        self.last[ego] = 0.0
-
-    def acceleration(self, speed: Floats, target: Floats, comfortable: Floats, dt: Floats) -> Floats:
-        """Return accelerations [m/s²] towards `comfortable` ones [m/s²] with bounded jerk.
-
-        They are never above what leads to the target speed [m/s] within a time step [s], whatever jerk that
-        takes. Where `comfortable` is infinite, the ego drives the target speed. All of shape (N,).
-        """
-        wanted = np.isfinite(comfortable)
-        if not wanted.any():
-            result = self._to_target(speed, target, dt)
-        else:
-            result = np.minimum(self._bounded(comfortable, dt), (target - speed) / dt)
-            result = np.minimum(np.maximum(result, -BRAKING_LIMIT), ACCELERATION_LIMIT)
-            if not wanted.all():
-                result = np.where(wanted, result, self._to_target(speed, target, dt))
-                self.integral[wanted] = 0.0
-        # Braking ends at standstill.
-        self.last = np.maximum(result, -speed / dt)
-        return result
-
-    def _bounded(self, comfortable: Floats, dt: Floats) -> Floats:
-        """Return the accelerations nearest to `comfortable` ones that the bounds of jerk allow."""
-        down = np.where(comfortable < -HARD_BRAKING, URGENT_JERK, COMFORTABLE_JERK) * dt
-        up = np.where(self.last < -HARD_BRAKING, URGENT_JERK, COMFORTABLE_JERK) * dt
-        return np.minimum(np.maximum(comfortable, self.last - down), self.last + up)
-
-    def _to_target(self, speed: Floats, target: Floats, dt: Floats) -> Floats:
-        """Return accelerations [m/s²] to target speeds [m/s], with the error's integral.
-
-        The proportional gain is one over the time step, so that the ego accelerates exactly as the rules
-        demand: any less would brake less than the rules derived to be safe.
-        """
+    if math.isfinite(comfortable):
+        integral = 0.0
+        result = min(_bounded(comfortable, last, dt), (target - speed) / dt)
+        result = min(max(result, -BRAKING_LIMIT), ACCELERATION_LIMIT)
+    else:
+        # The proportional gain is one over the time step, so that the ego accelerates exactly as the rules
+        # demand: any less would brake less than the rules derived to be safe.
         error = target - speed
-        wanted = error / dt + SPEED_INTEGRAL_GAIN * self.integral
-        limited = np.minimum(np.maximum(wanted, -BRAKING_LIMIT), ACCELERATION_LIMIT)
-        self.integral += np.where(wanted == limited, error * dt, -self.integral)
-        return limited
+        wanted = error / dt + SPEED_INTEGRAL_GAIN * integral
+        result = min(max(wanted, -BRAKING_LIMIT), ACCELERATION_LIMIT)
+        integral = integral + error * dt if wanted == result else 0.0
+    # Braking ends at standstill.
+    return result, integral, max(result, -speed / dt)
 
 
-class LaneController(_Controller):
-    """PI control of the place across the road; state of shape (N,).
+def _bounded(comfortable: float, last: float, dt: float) -> float:
+    """Return the acceleration nearest to a comfortable one that the bounds of jerk allow."""
+    down = (URGENT_JERK if comfortable < -HARD_BRAKING else COMFORTABLE_JERK) * dt
+    up = (URGENT_JERK if last < -HARD_BRAKING else COMFORTABLE_JERK) * dt
+    return min(max(comfortable, last - down), last + up)
 
-    The offset from the target lane's centre demands a sideways speed, limited; the sideways acceleration,
-    limited too, aims at that speed within one step.
+
+def lane_control(y: float, vy: float, target_y: float, dt: float, integral: float) -> tuple[float, float]:
+    """Return the sideways acceleration [m/s²] towards a lane's centre, and the integral [m s].
+
+    The offset [m] from the centre demands a sideways speed, limited; the sideways acceleration, limited too,
+    aims at that speed [m/s] within one time step `dt` [s].
     """
-
-    def acceleration(self, y: Floats, vy: Floats, target_y: Floats, dt: Floats) -> Floats:
-        """Return sideways accelerations [m/s²] for places [m], speeds [m/s] and time steps [s], all (N,)."""
-        error = target_y - y
-        near = np.abs(error) < LANE_INTEGRAL_BAND
-        self.integral = np.where(near, self.integral + error * dt, 0.0)
-        wanted = LANE_GAIN * error + LANE_INTEGRAL_GAIN * self.integral
-        speed = np.minimum(np.maximum(wanted, -LATERAL_SPEED_LIMIT), LATERAL_SPEED_LIMIT)
-        needed = (speed - vy) / dt
-        return np.minimum(np.maximum(needed, -LATERAL_ACCELERATION_LIMIT), LATERAL_ACCELERATION_LIMIT)
+    error = target_y - y
+    integral = integral + error * dt if abs(error) < LANE_INTEGRAL_BAND else 0.0
+    wanted = LANE_GAIN * error + LANE_INTEGRAL_GAIN * integral
+    speed = min(max(wanted, -LATERAL_SPEED_LIMIT), LATERAL_SPEED_LIMIT)
+    needed = (speed - vy) / dt
+    return min(max(needed, -LATERAL_ACCELERATION_LIMIT), LATERAL_ACCELERATION_LIMIT), integral
 
 
-def move(place: Floats, speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
-    """Return place and speed one step later under constant acceleration; all of shape (N,)."""
+def move(place: float, speed: float, acceleration: float, dt: float) -> tuple[float, float]:
+    """Return place and speed one step later under constant acceleration."""
     later = speed + acceleration * dt
     return place + (speed + later) / 2 * dt, later
 
 
-def move_forward(speed: Floats, acceleration: Floats, dt: Floats) -> tuple[Floats, Floats]:
+def move_forward(speed: float, acceleration: float, dt: float) -> tuple[float, float]:
     """Return the distance of one step and the speed after it; braking ends at standstill and never reverses.
 
-    All of shape (N,), `speed` >= 0.
+    `speed` >= 0.
     """
-    later = np.maximum(speed + acceleration * dt, 0.0)
+    later = max(speed + acceleration * dt, 0.0)
     return (speed + later) / 2 * dt, later

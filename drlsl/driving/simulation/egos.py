@@ -7,20 +7,23 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from drlsl.driving.scene import CENTRE_TOLERANCE, Action, taken_rows
-from drlsl.driving.simulation.controllers import LaneController, SpeedController, move, move_forward
+from drlsl.driving.scene import Action, taken_rows
+from drlsl.driving.simulation.ego_loops import NO_ONE, drive, find_targets, steer
 from drlsl.driving.simulation.entry import Entry
 from drlsl.driving.simulation.fault import Track
 from drlsl.driving.simulation.playback import Courses
 from drlsl.errors import UserError
+from drlsl.lowering.backends import machine_code
 from drlsl.traffic import Floats, Integers, Mask
 
 
 @dataclass(slots=True)
 class Places:
-    """The places of N egos: arrays of shape (N,) in road coordinates; `speed` is along the heading."""
+    """The places of N egos: arrays of shape (N,) in road coordinates; `speed` is along the heading.
+
+    They change in place.
+    """
 
     x: Floats
     y: Floats
@@ -63,29 +66,41 @@ class Past:
         self.rows[self.now, :, ego] = at.x[ego], at.y[ego], at.speed[ego]
         self.kept[ego] = 1
 
-    def write(self, at: Places) -> None:
-        """Add the present to every track."""
+    def turn(self) -> int:
+        """Go on to the next row, in which the egos are to write; return its index."""
         self.now = (self.now + 1) % len(self.rows)
-        row = self.rows[self.now]
-        row[0], row[1], row[2] = at.x, at.y, at.speed
-        self.kept += 1
+        return self.now
 
     def taken(self, egos: Integers) -> Past:
         """Return the tracks of `egos`, as copies."""
-        return Past(self.rows[:, :, egos], self.kept[egos], self.now)
-
-    def motion(self, dt: Floats) -> tuple[Floats, Floats]:
-        """Return acceleration [m/s²] and jerk [m/s³] along the road, shape (N,); 0 where not yet known."""
-        speed, before, earlier = (self.rows[(self.now - back) % len(self.rows), 2] for back in range(3))
-        change = np.where(self.kept >= 2, speed - before, 0.0) / dt
-        jerk = np.where(self.kept >= 3, change - (before - earlier) / dt, 0.0) / dt
-        return change, jerk
+        return Past(self.rows.take(egos, axis=2), self.kept[egos], self.now)
 
     def track(self, index: int, sign: int, size: tuple[float, float]) -> Track:
         """Return one ego's track, oldest first."""
         kept = min(int(self.kept[index]), len(self.rows))
         x, y, speed = self.rows[(self.now + 1 - kept + np.arange(kept)) % len(self.rows), :, index].T
         return Track(sign * x, y, speed, *size)
+
+
+@dataclass(slots=True)
+class Control:
+    """The memory of the controllers of N egos, shape (N,).
+
+    The integrals of speed [m] and of the place across the road [m s], and the last acceleration [m/s²].
+    """
+
+    speed_integral: Floats
+    lane_integral: Floats
+    acceleration: Floats
+
+    @classmethod
+    def new(cls, count: int) -> Control:
+        """Return controllers at rest."""
+        return cls(*(np.zeros(count) for _ in fields(cls)))
+
+    def reset(self, ego: int) -> None:
+        """Forget the past of an ego: it drives at a constant speed."""
+        self.speed_integral[ego] = self.lane_integral[ego] = self.acceleration[ego] = 0.0
 
 
 class Egos:
@@ -96,8 +111,7 @@ class Egos:
         self.at = Places.new(count)
         self.past = Past.new(count, memory)
         self.size = size
-        self._speed_control = SpeedController.for_egos(count)
-        self._lane_control = LaneController.for_egos(count)
+        self._control = Control.new(count)
 
     def place(self, ego: int, entry: Entry) -> None:
         """Put an ego at an entry, with its controllers and its past reset."""
@@ -105,80 +119,90 @@ class Egos:
         at.frame[ego], at.x[ego], at.speed[ego] = entry.frame, entry.x, entry.speed
         at.y[ego] = at.target_y[ego] = entry.lane.centre
         at.vy[ego], at.target_lane[ego] = 0.0, entry.lane.id
-        self._speed_control.reset(ego)
-        self._lane_control.reset(ego)
+        self._control.reset(ego)
         self.past.begin(ego, at)
 
-    def steer(self, actions: npt.NDArray[np.integer], lane_to_keep: Integers, courses: Courses) -> Mask:
+    def steer(self, actions: Integers, lane_to_keep: Integers, courses: Courses) -> Mask:
         """Set the lanes to steer for; return the mask of the egos that start a lane change, shape (N,).
 
         Raises:
             UserError: a lane to keep is not one of the ego's direction.
         """
-        at = self.at
-        changed = np.zeros(len(actions), dtype=np.bool_)
-        # Both are nearly always empty.
-        who = actions.nonzero()[0]
-        if who.size:
-            who = who[self._settled()[who] & ~at.ended[who]]
-            changed[who] = True
-            at.target_lane[who], at.target_y[who] = _lane_beside(
-                courses.take(who), at.target_lane[who], _turn(actions[who])
-            )
-        who = (lane_to_keep != at.target_lane).nonzero()[0]
-        if who.size:
-            who = who[~changed[who] & ~at.ended[who]]
-            at.target_y[who] = _centre(courses.take(who), lane_to_keep[who])
-            at.target_lane[who] = lane_to_keep[who]
+        at, changed = self.at, np.empty(len(actions), dtype=np.bool_)
+        stray = machine_code(steer)(
+            actions,
+            lane_to_keep,
+            at.y,
+            at.ended,
+            at.target_lane,
+            at.target_y,
+            courses.sign,
+            courses.lanes,
+            courses.lane_id,
+            courses.centre,
+            courses.width,
+            changed,
+        )
+        _check_known(stray, lane_to_keep)
         return changed
 
     def targets(self, lane_to_keep: Integers, courses: Courses, places: Integers) -> Floats:
         """Return the y [m] that each action would steer for, shape (P, 3), for the egos in `places`.
 
         NaN for a lane change that would be ignored. On a side without a lane, it is beyond the road.
+
+        Raises:
+            UserError: a lane to keep, of shape (P,), is not one of the ego's direction.
         """
-        at, courses = self.at, courses.take(places)
-        lane, y = at.target_lane[places], at.target_y[places]
-        result = np.full((len(places), len(Action)), np.nan)
-        result[:, Action.LANE_KEEPING] = y
-        other = lane_to_keep != lane
-        if other.any():
-            result[other, Action.LANE_KEEPING] = _centre(
-                courses.take(other.nonzero()[0]), lane_to_keep[other]
-            )
-        settled = self._settled()[places]
-        for action in (Action.LEFT_LANE_CHANGE, Action.RIGHT_LANE_CHANGE):
-            _, beside = _lane_beside(courses, lane, _turn(np.array(action)))
-            result[settled, action] = beside[settled]
-        return result
+        at, found = self.at, np.empty((len(places), len(Action)))
+        stray = machine_code(find_targets)(
+            places,
+            lane_to_keep,
+            at.y,
+            at.target_lane,
+            at.target_y,
+            courses.sign,
+            courses.lanes,
+            courses.lane_id,
+            courses.centre,
+            courses.width,
+            found,
+        )
+        _check_known(stray, lane_to_keep)
+        return found
 
     def drive(self, target_speed: Floats, comfortable_acceleration: Floats, courses: Courses) -> None:
         """Run the controllers and move the egos and the recording on by one frame.
 
         `target_speed` [m/s] and `comfortable_acceleration` [m/s²], of shape (N,), are the rules' answers.
         """
-        at, dt = self.at, courses.dt
-        ax = self._speed_control.acceleration(at.speed, target_speed, comfortable_acceleration, dt)
-        ay = self._lane_control.acceleration(at.y, at.vy, at.target_y, dt)
-        along, at.speed = move_forward(at.speed, ax, dt)
-        at.x = at.x + courses.sign * along
-        at.y, at.vy = move(at.y, at.vy, ay, dt)
-        at.frame = at.frame + 1
-        at.distance += along
-        self.past.write(at)
-
-    def off_road(self, courses: Courses) -> Mask:
-        """Return whether any part of an ego is beyond the lanes of its direction, shape (N,)."""
-        half = self.size[1] / 2
-        return np.asarray((self.at.y - half < courses.low) | (self.at.y + half > courses.high))
+        at, control, past = self.at, self._control, self.past
+        machine_code(drive)(
+            target_speed,
+            comfortable_acceleration,
+            at.x,
+            at.y,
+            at.speed,
+            at.vy,
+            at.target_y,
+            at.frame,
+            at.distance,
+            control.speed_integral,
+            control.lane_integral,
+            control.acceleration,
+            courses.sign,
+            courses.dt,
+            past.rows,
+            past.turn(),
+            past.kept,
+        )
 
     def taken(self, egos: Integers) -> Egos:
         """Return copies of `egos`, one for each time that an ego is named."""
         result = Egos(len(egos), self.size, 0)
         result.at = taken_rows(self.at, egos)
         result.past = self.past.taken(egos)
-        result._speed_control = taken_rows(self._speed_control, egos)
-        result._lane_control = taken_rows(self._lane_control, egos)
+        result._control = taken_rows(self._control, egos)
         return result
 
     def get_state(self) -> dict[str, Any]:
@@ -186,8 +210,8 @@ class Egos:
         return {
             "at": {field.name: getattr(self.at, field.name).copy() for field in fields(self.at)},
             "past": {"rows": self.past.rows.copy(), "kept": self.past.kept.copy(), "now": self.past.now},
-            "integrals": [self._speed_control.integral.copy(), self._lane_control.integral.copy()],
-            "acceleration": self._speed_control.last.copy(),
+            "integrals": [self._control.speed_integral.copy(), self._control.lane_integral.copy()],
+            "acceleration": self._control.acceleration.copy(),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -197,42 +221,17 @@ class Egos:
         self.past = Past(past["rows"].copy(), past["kept"].copy(), past["now"])
         speed, lane = state["integrals"]
         last = state.get("acceleration", np.zeros_like(speed))
-        self._speed_control = SpeedController(speed.copy(), last.copy())
-        self._lane_control = LaneController(lane.copy())
-
-    def _settled(self) -> Mask:
-        """Return the mask of the egos that would start a lane change, shape (N,)."""
-        return np.asarray(np.abs(self.at.target_y - self.at.y) <= CENTRE_TOLERANCE)
+        self._control = Control(speed.copy(), lane.copy(), last.copy())
 
 
-def _turn(actions: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    """Return +1 for a lane change to the left, -1 to the right."""
-    return np.where(actions == Action.LEFT_LANE_CHANGE, 1, -1)
-
-
-def _lane_beside(courses: Courses, lane: Integers, turn: npt.NDArray[np.integer]) -> tuple[Integers, Floats]:
-    """Return the next lane to a side and its centre [m]; without one, the same lane and where it would be."""
-    rows = np.arange(len(lane))
-    here = (courses.lane_id == lane[:, None]).argmax(axis=1)
-    # y points downward: for an ego heading right, left is down the list of lanes.
-    step = -turn * courses.sign.astype(np.int64)
-    there = np.minimum(np.maximum(here + step, 0), courses.lanes - 1)
-    beyond = courses.centre[rows, here] + step * courses.width[rows, here]
-    y = np.where(there == here, beyond, courses.centre[rows, there])
-    return courses.lane_id[rows, there], y
-
-
-def _centre(courses: Courses, lane: Integers) -> Floats:
-    """Return the centres [m] of lanes of the direction.
+def _check_known(stray: int, lane_to_keep: Integers) -> None:
+    """Check that no lane to keep is `stray`, the place of one that the road does not have.
 
     Raises:
-        UserError: one is not a lane of the direction.
+        UserError: one is.
     """
-    named = courses.lane_id == lane[:, None]
-    unknown = ~named.any(axis=1)
-    if unknown.any():
+    if stray != NO_ONE:
         raise UserError(
-            f"lane_to_keep/1 names lane {lane[unknown][0]}, which the road does not have in the ego's "
+            f"lane_to_keep/1 names lane {lane_to_keep[stray]}, which the road does not have in the ego's "
             "direction"
         )
-    return np.asarray(courses.centre[named])

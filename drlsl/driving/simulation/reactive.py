@@ -86,17 +86,6 @@ class ReactiveTraffic:
         lagging = self.lag.ravel().nonzero()[0]
         self._past.append((lagging, self.lag.ravel()[lagging], self.speed.ravel()[lagging]))
 
-    def apply(self, numbers: Floats, sign: Floats, places: Integers | None) -> None:
-        """Move the lagging vehicles to their places in recorded `numbers`, shape (6, P, S)."""
-        lag, speed = (
-            (self.lag, self.speed)
-            if places is None
-            else (self.lag.take(places, axis=0), self.speed.take(places, axis=0))
-        )
-        row, slot = lag.nonzero()
-        numbers[0, row, slot] -= sign[row] * lag[row, slot]
-        numbers[2, row, slot] = sign[row] * speed[row, slot]
-
     def driven(self, ego: int, slot: int, track: Track) -> Track:
         """Return the track actually driven, for a recorded track that ends now."""
         s, speed = track.s.copy(), track.speed.copy()

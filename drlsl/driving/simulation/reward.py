@@ -1,73 +1,73 @@
-"""The reward, term by term."""
+"""The reward, term by term: plain functions of one ego, also readable for a compiler."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from drlsl.driving.config import RewardConfig
-from drlsl.traffic import Floats, Mask
+from drlsl.lowering.backends import Floats1
+from drlsl.traffic import Floats, Integers
+
+TERMS: Final = ("lane_change", "velocity", "collision", "off_road", "lost_speed", "comfort", "jerk")
+"""Names of all terms: the paper's in its order, then those that can be chosen beside or in place of them."""
+
+_LANE_CHANGE, _VELOCITY, _COLLISION, _OFF_ROAD, _LOST_SPEED, _COMFORT, _JERK = range(len(TERMS))
+_CHANGE_BEHIND: Final = len(TERMS)
+_DISCOUNT: Final = len(TERMS) + 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Driven:
-    """Results of one frame for N egos; all of shape (N,).
+def reward_weights(config: RewardConfig) -> Floats:
+    """Return the weights of `TERMS`, of a lane change behind somebody, and the discount, shape (9,)."""
+    behind = -config.lane_change if config.lane_change_behind is None else config.lane_change_behind
+    return np.array([*(getattr(config, name) for name in TERMS), behind, config.discount], dtype=np.float64)
+
+
+def chosen_terms(config: RewardConfig) -> Integers:
+    """Return the places in `TERMS` of the terms that `config` names."""
+    return np.array([TERMS.index(name) for name in config.single_terms], dtype=np.int64)
+
+
+def reward_term(
+    term: int,
+    weights: Floats1,
+    playing: bool,
+    changed: bool,
+    front_is_free: bool,
+    contact: bool,
+    off_road: bool,
+    speed: float,
+    progress: float,
+    limit: float,
+    acceleration: float,
+    jerk: float,
+    dt: float,
+) -> float:
+    """Return one weighted term of `TERMS`, for one frame of one ego; the reward is the sum of those chosen.
 
     `playing`: the episode was not over; `changed`: a lane change was started, and `front_is_free` before
     it; `speed` [m/s]; `progress`: distance driven over the track's length; `limit` [m/s]: the highest of
-    the direction; `dt` [s]: the frame's duration; `motion` gives acceleration [m/s²] and jerk [m/s³] along
-    the road.
-    """
-
-    playing: Mask
-    changed: Mask
-    front_is_free: Mask
-    speed: Floats
-    contact: Mask
-    off_road: Mask
-    progress: Floats
-    limit: Floats
-    dt: Floats
-    motion: Callable[[], tuple[Floats, Floats]]
-
-
-def _change(config: RewardConfig, driven: Driven) -> Floats | float:
-    if config.lane_change_behind is None:
-        return -config.lane_change
-    return np.where(driven.front_is_free, -config.lane_change, config.lane_change_behind)
-
-
-def _ended(weight: float, happened: Mask, config: RewardConfig, driven: Driven) -> Floats:
-    late = 1.0 - config.discount * np.minimum(np.maximum(driven.progress, 0.0), 1.0)
-    return np.where(happened, -weight * late, 0.0)
-
-
-def _through_time(weight: float, cost: Floats, driven: Driven) -> Floats:
-    return np.where(driven.playing, -weight * cost * driven.dt, 0.0)
-
-
-_TERMS: Final[Mapping[str, Callable[[RewardConfig, Driven], Floats]]] = {
-    "lane_change": lambda config, driven: np.where(driven.changed, _change(config, driven), 0.0),
-    "velocity": lambda config, driven: config.velocity * (driven.speed * driven.playing),
-    "collision": lambda config, driven: _ended(config.collision, driven.contact, config, driven),
-    "off_road": lambda config, driven: _ended(config.off_road, driven.off_road, config, driven),
-    "lost_speed": lambda config, driven: _through_time(
-        config.lost_speed, driven.limit - driven.speed, driven
-    ),
-    "comfort": lambda config, driven: _through_time(config.comfort, np.square(driven.motion()[0]), driven),
-    "jerk": lambda config, driven: _through_time(config.jerk, np.square(driven.motion()[1]), driven),
-}
-
-TERMS: Final = tuple(_TERMS)
-"""Names of all terms: the paper's in its order, then those that can be chosen beside or in place of them."""
-
-
-def reward_terms(config: RewardConfig, driven: Driven) -> dict[str, Floats]:
-    """Return the weighted terms that `config` names, each of shape (N,); the reward is their sum.
+    the direction; `acceleration` [m/s²] and `jerk` [m/s³] along the road; `dt` [s]: the frame's duration.
 
     Source: paper, Reward Function (lane_change, velocity, collision, off_road).
     """
-    return {name: _TERMS[name](config, driven) for name in config.single_terms}
+    weight: float = weights[term]
+    behind: float = weights[_CHANGE_BEHIND]
+    discount: float = weights[_DISCOUNT]
+    if term == _LANE_CHANGE:
+        if not changed:
+            return 0.0
+        return -weight if front_is_free else behind
+    if term == _VELOCITY:
+        return weight * (speed if playing else 0.0)
+    if term in (_COLLISION, _OFF_ROAD):
+        if not (contact if term == _COLLISION else off_road):
+            return 0.0
+        return -weight * (1.0 - discount * min(max(progress, 0.0), 1.0))
+    if not playing:
+        return 0.0
+    if term == _LOST_SPEED:
+        return -weight * (limit - speed) * dt
+    number = acceleration if term == _COMFORT else jerk
+    return -weight * (number * number) * dt

@@ -5,16 +5,31 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.scene import EGO_ID, Action, Scene, SceneBatch, several_actions, taken_rows
+from drlsl.driving.scene import Action, Scene, SceneBatch, several_actions, taken_rows
 from drlsl.driving.shield import Decisions, Shield
 from drlsl.driving.simulation.contacts import Contact, Surroundings, worst_contacts
+from drlsl.driving.simulation.ego_loops import (
+    ACCELERATION,
+    CONTACT,
+    DISTANCE,
+    ENTERS,
+    FIRST_TERM,
+    JERK,
+    OFF_ROAD,
+    PLAYING,
+    REWARD,
+    SPEED,
+    TERMINATED,
+    TRUNCATED,
+    finish,
+    look,
+)
 from drlsl.driving.simulation.egos import Egos
 from drlsl.driving.simulation.entry import Entries, Entry, beginnings, track_length
 from drlsl.driving.simulation.fault import judge
@@ -22,12 +37,15 @@ from drlsl.driving.simulation.measures import Measures, Meter
 from drlsl.driving.simulation.playback import Playback, Playbacks
 from drlsl.driving.simulation.prediction import NOTHING_OFFERED, predicted_actions
 from drlsl.driving.simulation.reactive import ReactiveTraffic
-from drlsl.driving.simulation.reward import Driven, reward_terms
+from drlsl.driving.simulation.reward import chosen_terms, reward_weights
 from drlsl.driving.simulation.sensing import Sensing
-from drlsl.traffic import Floats, Integers, Mask, Traffic
+from drlsl.lowering.backends import machine_code
+from drlsl.traffic import NUMBERS, Floats, Integers, Mask, Traffic
 
 MEMORY: Final = 12.0
 """Length of the tracks that are kept for judging contacts [s]."""
+
+_NO_LAGS: Final = (np.empty((0, 0)), np.empty((0, 0)))
 
 NOT_RESET: Final = "reset the world first: it has no scenes yet"
 
@@ -91,7 +109,6 @@ class World:
         film, dt = self.playbacks.film, float(self.playbacks.courses.dt.min())
         size, memory = (config.ego_length, config.ego_width), round(MEMORY / dt)
         self._entries = [Entries(one, shield, size) for one in self.playbacks.all]
-        self._largest = film.numbers[4:, :, 1:].max(axis=(1, 2), initial=0.0)
         self._egos = Egos(self.count, size, memory)
         self._courses = self.playbacks.courses.take(self._egos.at.playback)
         self._tracks = np.array([track_length(one, config) for one in self.playbacks.all])
@@ -106,6 +123,8 @@ class World:
             else None
         )
         self._meter = Meter(self.count) if measured else None
+        self._terms = config.reward.single_terms
+        self._weights, self._chosen_terms = reward_weights(config.reward), chosen_terms(config.reward)
         self.rngs = [np.random.default_rng() for _ in range(self.count)]
         """The generator of each ego's episode."""
         self._everyone = np.arange(self.count)
@@ -202,53 +221,33 @@ class World:
             TypeError, ValueError: `actions` are not N valid actions; nothing is driven.
             UserError: the rules keep a lane that the road does not have.
         """
-        actions = several_actions(actions, self.count)
-        egos, at, decisions = self._egos, self._egos.at, self.decisions
-        playing = ~at.ended
-        changed = self._move(actions, decisions)
-        over = at.frame >= self._courses.frames
+        actions, before = several_actions(actions, self.count), self.decisions
+        changed = self._move(actions, before)
         around = self._look()
-        contacts = worst_contacts(around.touching(playing & ~over, self._largest), self._judge)
-        touched = np.zeros(self.count, dtype=np.bool_)
-        if contacts:
-            touched[list(contacts)] = True
-        off_road = egos.off_road(self._courses) & playing
-        terminated = touched | off_road
-        tracks = self._tracks.take(at.playback)
-        truncated = (at.distance >= tracks) & playing & ~terminated
-        at.ended |= terminated | truncated
-        driven = Driven(
-            playing=playing,
-            changed=changed,
-            front_is_free=decisions.front_is_free,
-            speed=at.speed.copy(),
-            contact=touched,
-            off_road=off_road,
-            progress=at.distance / tracks,
-            limit=self._courses.limit,
-            dt=self._courses.dt,
-            motion=partial(egos.past.motion, self._courses.dt),
-        )
-        rewards = reward_terms(self.config.reward, driven)
-        self._measure(driven, around.scenes, decisions.action_mask)
-        distance = at.distance.copy()
-        entered = self._reenter(over)
+        events, numbers, eventful = self._finish(around.touching, changed, before.front_is_free)
+        contacts: dict[int, Contact] = {}
+        if around.any_touches:
+            contacts = worst_contacts(around.touching, self._judge, events[CONTACT])
+        self._measure(around.scenes, before.action_mask, events[PLAYING], numbers)
+        entered = events[ENTERS]
+        placed = self._reenter(entered) if eventful else []
         if restarts:
             self._begin(restarts)
-        decisions = self._decide(around.scenes, [*entered.nonzero()[0].tolist(), *(restarts or ())])
+            placed += restarts
+        decisions = self._decide(around.scenes, placed)
         return StepResult(
             scenes=around.scenes,
             decisions=decisions,
-            reward=sum(rewards.values(), np.zeros(self.count)),
-            rewards=rewards,
-            terminated=terminated,
-            truncated=truncated,
+            reward=numbers[REWARD],
+            rewards=dict(zip(self._terms, numbers[FIRST_TERM:], strict=True)),
+            terminated=events[TERMINATED],
+            truncated=events[TRUNCATED],
             changed=changed,
-            off_road=off_road,
+            off_road=events[OFF_ROAD],
             contacts=contacts,
             entered=entered,
-            distance=distance,
-            speed=driven.speed,
+            distance=numbers[DISTANCE],
+            speed=numbers[SPEED],
             failures=decisions.failures,
         )
 
@@ -261,11 +260,50 @@ class World:
         egos.drive(decisions.target_speed, decisions.comfortable_acceleration, self._courses)
         return changed
 
-    def _measure(self, driven: Driven, scenes: SceneBatch, offered: Mask) -> None:
+    def _finish(self, touching: Mask, changed: Mask, front_is_free: Mask) -> tuple[Mask, Floats, bool]:
+        """Return the events and the numbers of the frame, by rows (`ego_loops`), and whether there are any.
+
+        Egos whose episodes end are marked so.
+        """
+        at, past, courses = self._egos.at, self._egos.past, self._courses
+        events = np.empty((PLAYING + 1, self.count), dtype=np.bool_)
+        numbers = np.empty((FIRST_TERM + len(self._terms), self.count))
+        eventful = machine_code(finish)(
+            touching,
+            changed,
+            front_is_free,
+            at.x,
+            at.y,
+            at.speed,
+            at.frame,
+            at.distance,
+            at.ended,
+            at.playback,
+            courses.frames,
+            courses.dt,
+            courses.sign,
+            courses.start,
+            courses.length,
+            courses.low,
+            courses.high,
+            courses.limit,
+            self._tracks,
+            past.rows,
+            past.now,
+            past.kept,
+            *self._egos.size,
+            self._weights,
+            self._chosen_terms,
+            events,
+            numbers,
+        )
+        return events, numbers, eventful
+
+    def _measure(self, scenes: SceneBatch, offered: Mask, playing: Mask, numbers: Floats) -> None:
         """Add a step to the measures of comfort and of gaps, if they are taken."""
         if self._meter is not None:
-            motion = driven.motion()
-            self._meter.add(driven.playing, scenes, offered, motion, sign=self._courses.sign, dt=driven.dt)
+            motion = numbers[ACCELERATION], numbers[JERK]
+            self._meter.add(playing, scenes, offered, motion, sign=self._courses.sign, dt=self._courses.dt)
 
     def branch(self, egos: Integers) -> World:
         """Return a world in which ego i drives on from where the i-th of `egos` is; nothing changes here.
@@ -350,38 +388,48 @@ class World:
 
         They hold the vehicles within `reach` [m], by default the radar range.
         """
-        at, courses = self._egos.at, self._courses
-
-        def chosen(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-            return values if places is None else values.take(places, axis=0)
-
-        film = self.playbacks.film
-        rows = chosen(courses.begin + np.minimum(at.frame, courses.frames - 1))
-        numbers, vehicle = film.numbers.take(rows, axis=1), film.vehicle.take(rows, axis=0)
-        lane, recorded = film.lane.take(rows, axis=0), film.valid.take(rows, axis=0)
-        vehicle[:, 0] = EGO_ID
-        x, y, sign = chosen(at.x), chosen(at.y), chosen(courses.sign)
-        if self._reactive is not None:
-            self._reactive.apply(numbers, sign, places)
-        nearest = np.abs(chosen(courses.centre) - y[:, None]).argmin(axis=1)
-        lane[:, 0] = chosen(courses.lane_id)[self._everyone[: len(nearest)], nearest]
-        own = (x, y, sign * chosen(at.speed), chosen(at.vy), *self._egos.size)
-        for column, value in zip(numbers, own, strict=True):
-            column[:, 0] = value
-        dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
-        valid = dx * dx + dy * dy <= (self.config.radar_range if reach is None else reach) ** 2
-        valid &= recorded
-        valid[:, 0] = True
+        at, courses, film = self._egos.at, self._courses, self.playbacks.film
+        places = self._everyone if places is None else places
+        shape = len(places), film.valid.shape[1]
+        numbers, whole = np.empty((len(NUMBERS), *shape)), np.empty((2, *shape), dtype=np.int64)
+        valid, touching = np.empty((2, *shape), dtype=np.bool_)
+        vehicle, lane = whole
+        lags = _NO_LAGS if self._reactive is None else (self._reactive.lag, self._reactive.speed)
+        any_touches = machine_code(look)(
+            places,
+            film.numbers,
+            film.vehicle,
+            film.lane,
+            film.valid,
+            at.x,
+            at.y,
+            at.speed,
+            at.vy,
+            at.frame,
+            courses.begin,
+            courses.frames,
+            courses.sign,
+            courses.lane_id,
+            courses.centre,
+            *lags,
+            *self._egos.size,
+            self.config.radar_range if reach is None else reach,
+            numbers,
+            vehicle,
+            lane,
+            valid,
+            touching,
+        )
         scenes = SceneBatch.from_numbers(
             numbers,
             roads=self.playbacks.roads,
-            road=chosen(courses.road),
-            target_lane=chosen(at.target_lane).copy(),
+            road=courses.road.take(places),
+            target_lane=at.target_lane.take(places),
             id=vehicle,
             lane=lane,
             valid=valid,
         )
-        return Surroundings(scenes, recorded, dx, dy)
+        return Surroundings(scenes, touching, any_touches)
 
     def _decide(self, scenes: SceneBatch, placed: Sequence[int]) -> Decisions:
         """Return the decisions about `scenes`, in which the egos `placed` were moved."""
@@ -434,17 +482,15 @@ class World:
         closing = abs(float(own.speed[-1] - other.speed[-1]))
         return Contact(int(playback.film.vehicle[frame, slot]), verdict, closing)
 
-    def _reenter(self, over: Mask) -> Mask:
-        """Place the egos anew that have reached the end of the stretch or of the recording."""
-        at, courses = self._egos.at, self._courses
-        driven = courses.sign * (at.x - courses.start) + self.config.ego_length / 2
-        entered: Mask = (over | (driven >= courses.length)) & ~at.ended
-        for ego in entered.nonzero()[0].tolist():
+    def _reenter(self, entering: Mask) -> list[int]:
+        """Place the egos anew that have reached the end of the stretch or of the recording; return them."""
+        at, placed = self._egos.at, entering.nonzero()[0].tolist()
+        for ego in placed:
             playback = self.playback_of(ego)
             lane = playback.road.lane(int(at.target_lane[ego]))
             frame, rng = self.frame_of(ego) % playback.frames, self.rngs[ego]
             self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame, lane=lane))
-        return entered
+        return placed
 
 
 def _traffic(playback: Playback, config: EnvConfig) -> Traffic:

@@ -6,6 +6,16 @@ from .js_backend import js_source, js_support
 from .numba_backend import compile_numba, numba_source
 from .numpy_backend import ArrayProgram, compile_numpy, numpy_source
 from .numpy_ops import Array, Ops
+from .plain_functions import (
+    Floats1,
+    Floats2,
+    Floats3,
+    Integers1,
+    Integers2,
+    Mask1,
+    Mask2,
+    machine_code,
+)
 from .scalar import Scalar, compile_scalar, scalar_source
 from .torch_backend import compile_torch
 
@@ -16,6 +26,13 @@ __all__ = [
     "BatchAnswer",
     "BatchProgram",
     "CProgram",
+    "Floats1",
+    "Floats2",
+    "Floats3",
+    "Integers1",
+    "Integers2",
+    "Mask1",
+    "Mask2",
     "Ops",
     "Rows",
     "Scalar",
@@ -28,6 +45,7 @@ __all__ = [
     "compile_torch",
     "js_source",
     "js_support",
+    "machine_code",
     "numba_source",
     "numpy_source",
     "scalar_source",

@@ -10,7 +10,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Literal, TypeAlias, TypeVar
+from typing import Any, Final, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 from drlsl.logic.terms import Atom
 from drlsl.lowering.backends.arrays import ArrayPrinter
@@ -50,8 +50,7 @@ def _common(lengths: Iterable[int]) -> int:
     return next((length for length in lengths if length != 1), 1)
 
 
-@dataclass(frozen=True, slots=True)
-class BatchAnswer(Generic[A]):
+class BatchAnswer(NamedTuple, Generic[A]):
     """The answers to one query in N scenes.
 
     `value`: for `holds` (N,) bool; for `first` the argument (N,), or (N, n) for a list or for n arguments;
@@ -63,8 +62,7 @@ class BatchAnswer(Generic[A]):
     fails: A
 
 
-@dataclass(frozen=True, slots=True)
-class BatchResult(Generic[A]):
+class BatchResult(NamedTuple, Generic[A]):
     """The answers to all queries; where `undecided` (N,) is set, query the interpreter instead."""
 
     answers: tuple[BatchAnswer[A], ...]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,6 +66,7 @@ class NumbaProgram(BatchProgram[Array]):
             (value.width if value.axes == 2 else None, _DTYPES[value.kind], bool(fails))
             for value, *fails in printer.outputs
         ]
+        self._marks = sum(parameter.kind == "bool" and parameter.axes == 1 for parameter in printer.results)
         self._order = [
             (key, tuple(given.columns), _ALL_THERE[given.valid.axes]) for key, given in self._given.items()
         ]
@@ -102,7 +104,12 @@ class NumbaProgram(BatchProgram[Array]):
         Raises:
             ValueError: a column is missing, or of another shape or kind.
         """
-        return self._ready(self._given[name, arity], rows)
+        given = self._given[name, arity]
+        ready = self._ready(given, rows)
+        if ready.scenes > 1:
+            return ready
+        columns = [ready.columns[place] for place in given.columns]
+        return _ReadyRows(ready.columns, ready.valid, arguments=(*columns, ready.valid, _OWN_TABLES))
 
     def bind(self, facts: Facts) -> BoundProgram:
         """Return the program for arrays that stay in place while their numbers change.
@@ -130,9 +137,11 @@ class NumbaProgram(BatchProgram[Array]):
         scenes = 1
         for key, used, all_there in self._order:
             rows = facts[key]
+            if type(rows) is _ReadyRows:
+                arguments += rows.arguments
+                continue
             columns, valid, index = rows.columns, rows.valid, rows.index
-            for place in used:
-                arguments.append(columns[place])
+            arguments += [columns[place] for place in used]
             arguments.append(all_there if valid is None else valid)
             arguments.append(_OWN_TABLES if index is None else index)
             if scenes == 1:
@@ -144,18 +153,20 @@ class NumbaProgram(BatchProgram[Array]):
 
     def _blank(self, scenes: int) -> tuple[ArrayResult, list[Array]]:
         """Return a result to be filled, and its arrays in the order of the function's parameters."""
-        undecided = np.empty(scenes, dtype=np.bool_)
+        undecided, *marks = np.empty((self._marks, scenes), dtype=np.bool_)
+        never = np.zeros(scenes, dtype=np.bool_)
         arrays = [undecided]
         answers = []
         for width, dtype, can_fail in self._outputs:
-            value = np.empty(scenes if width is None else (scenes, width), dtype)
+            if width is None and dtype is _DTYPES["bool"]:
+                value = marks.pop()
+            else:
+                value = np.empty(scenes if width is None else (scenes, width), dtype)
             arrays.append(value)
             if can_fail:
-                fails = np.empty(scenes, np.bool_)
+                fails = marks.pop()
                 arrays.append(fails)
-            else:
-                fails = np.zeros(scenes, np.bool_)
-            answers.append(BatchAnswer(value, fails))
+            answers.append(BatchAnswer(value, fails if can_fail else never))
         return BatchResult(tuple(answers), undecided), arrays
 
     def _ready(self, given: Given, rows: Rows | None) -> Rows:
@@ -168,6 +179,13 @@ class NumbaProgram(BatchProgram[Array]):
             for place in range(relation.arity)
         ]
         return Rows(columns, _scenes_first(table.valid, given.valid, table.scenes))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ReadyRows(Rows):
+    """Rows that all scenes share, with the function's arrays for them."""
+
+    arguments: tuple[Any, ...]
 
 
 class BoundProgram:

@@ -1,7 +1,7 @@
-"""Numba as the compiler of generated text, with what it compiled kept on disk.
+"""Numba as the compiler of generated text and of plain functions, with what it compiled kept on disk.
 
 Numba keeps machine code beside the file of a function, so the text is written to a file of its own, named
-after all that the code depends on: the text, the functions that it calls, and Numba's version.
+after all that the code depends on: the text, the functions and constants that it uses, and Numba's version.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ import inspect
 import logging
 import pickle
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Final
 
 import llvmlite.binding
@@ -31,6 +33,17 @@ from drlsl.lowering.backends.loop_ops import CALLED, LIBRARY, OPS
 
 _LOG: Final = logging.getLogger(__name__)
 _TYPES: Final[dict[Kind, Any]] = {"bool": types.boolean, "int": types.int64, "float": types.float64}
+_ANNOTATED: Final[dict[str, Any]] = {
+    "None": types.void,
+    "bool": types.boolean,
+    "int": types.int64,
+    "float": types.float64,
+    **{
+        f"{name}{axes}": types.Array(kind, axes, "C")
+        for name, kind in (("Mask", types.boolean), ("Integers", types.int64), ("Floats", types.float64))
+        for axes in (1, 2, 3)
+    },
+}
 _BROKEN: Final = (
     OSError,
     EOFError,
@@ -58,14 +71,92 @@ def compiled(printer: ArrayLoopPrinter, folder: Path | None) -> Callable[..., bo
         ),
         *(_type(parameter, readonly=False) for parameter in printer.results),
     )
+    files = str(loop_ops.__file__), inspect.getfile(NODES["round"].compute)
+    uses = [Path(file).read_text(encoding="utf-8") for file in files]
+    return _kept_or_compiled(_Text("rules", text, "answer", CALLED, uses), signature, folder)
+
+
+def compiled_function(function: Callable[..., Any], folder: Path | None) -> Callable[..., Any]:
+    """Return a plain function as machine code, from `folder` if it was compiled before.
+
+    The types of its arguments and of its result are its annotations, names of `_ANNOTATED`. The functions
+    that it calls, and constants of their modules that are numbers or texts, are compiled into it.
+
+    Raises:
+        TypeError: an annotation is none of these names.
+    """
+    called = list(_functions_of(function))
+    for one in called:
+        register_jitable(one)
+    taken: list[Any] = []
+    given = types.void
+    for name, annotation in function.__annotations__.items():
+        if annotation not in _ANNOTATED:
+            raise TypeError(f"{function.__qualname__}: {name} is {annotation}, no type of `machine_code`")
+        if name == "return":
+            given = _ANNOTATED[annotation]
+        else:
+            taken.append(_ANNOTATED[annotation])
+    sources = [inspect.getsource(one) for one in (function, *called)]
+    text = f"from __future__ import annotations\n\n\n{sources[0]}"
+    uses = [*sources[1:], *map(repr, _constants_of([function, *called]))]
+    return _kept_or_compiled(
+        _Text(function.__name__, text, function.__name__, function.__globals__, uses), given(*taken), folder
+    )
+
+
+def _functions_of(function: Callable[..., Any]) -> Iterator[Callable[..., Any]]:
+    """Yield the functions of this package that a function calls, and those that they call, each once."""
+    found: dict[Callable[..., Any], None] = {}
+    waiting = [function]
+    while waiting:
+        for value in _globals_of(waiting.pop()).values():
+            if isinstance(value, FunctionType) and value is not function and value not in found:
+                found[value] = None
+                waiting.append(value)
+    yield from found
+
+
+def _constants_of(functions: Sequence[Callable[..., Any]]) -> Iterator[tuple[str, Any]]:
+    for function in functions:
+        for name, value in sorted(_globals_of(function).items()):
+            if isinstance(value, int | float | str | tuple):
+                yield name, value
+
+
+def _globals_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the globals that a function names."""
+    names = function.__code__.co_names
+    return {name: function.__globals__[name] for name in names if name in function.__globals__}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Text:
+    """The text of one function, the names that it knows, and all else that its machine code depends on."""
+
+    kind: str
+    text: str
+    name: str
+    known: Mapping[str, Any]
+    uses: Sequence[str]
+
+    @property
+    def module(self) -> str:
+        """The name of the module that is made of the text: another one if anything differs."""
+        whole = "\n".join([numba.__version__, self.text, *self.uses])
+        return f"{self.kind}_{hashlib.sha256(whole.encode()).hexdigest()[:24]}"
+
+
+def _kept_or_compiled(text: _Text, signature: Any, folder: Path | None) -> Callable[..., Any]:
+    """Return the function of a text as machine code; if the folder cannot be used, a warning is logged."""
     if folder is not None:
         try:
             return _cached(text, signature, folder)
         except _BROKEN as error:
-            _LOG.warning("%s: the machine code of rules cannot be kept there (%s)", folder, error)
-    namespace = dict(CALLED)
-    exec(compile(text, "<lowered rules>", "exec"), namespace)  # noqa: S102  (the text is made here)
-    return _jit(namespace["answer"], signature, keep=False)
+            _LOG.warning("%s: machine code cannot be kept there (%s)", folder, error)
+    namespace = dict(text.known)
+    exec(compile(text.text, f"<{text.kind}>", "exec"), namespace)  # noqa: S102  (the text is this package's)
+    return _jit(namespace[text.name], signature, keep=False)
 
 
 def _type(parameter: Parameter, *, readonly: bool) -> Any:
@@ -93,7 +184,7 @@ def _drop_damaged(folder: Path, name: str) -> None:
         known = seal.read_text(encoding="utf-8") if seal.is_file() else None
         if known != _digest_of(path):
             if known is not None:
-                _LOG.warning("%s: damaged machine code of rules, made anew", path)
+                _LOG.warning("%s: damaged machine code, made anew", path)
             path.unlink(missing_ok=True)
 
 
@@ -115,32 +206,25 @@ def _digest_of(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _cached(text: str, signature: Any, folder: Path) -> Callable[..., bool]:
-    name = f"rules_{_digest(text)}"
+def _cached(text: _Text, signature: Any, folder: Path) -> Callable[..., Any]:
+    name = text.module
     known = sys.modules.get(name)
     if known is None:
         path = folder / f"{name}.py"
-        _write(path, text)
+        _write(path, text.text)
         spec = importlib.util.spec_from_file_location(name, path)
         assert spec is not None
         known = importlib.util.module_from_spec(spec)
-        vars(known).update(CALLED)
-        exec(compile(text, path, "exec"), vars(known))  # noqa: S102  (the text is made here)
+        vars(known).update({key: value for key, value in text.known.items() if not key.startswith("__")})
+        exec(compile(text.text, path, "exec"), vars(known))  # noqa: S102  (the text is this package's)
         sys.modules[name] = known  # where numba searches it when it loads machine code
         try:
-            known.answer = _jit(known.answer, signature, keep=True)  # type: ignore[attr-defined]  # made by the text
+            setattr(known, text.name, _jit(getattr(known, text.name), signature, keep=True))
         except BaseException:
             del sys.modules[name]
             raise
-    function: Callable[..., bool] = known.answer
+    function: Callable[..., Any] = getattr(known, text.name)
     return function
-
-
-def _digest(text: str) -> str:
-    digest = hashlib.sha256(f"{numba.__version__}\n{text}".encode())
-    for called in (str(loop_ops.__file__), inspect.getfile(NODES["round"].compute)):
-        digest.update(Path(called).read_bytes())
-    return digest.hexdigest()[:24]
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,0 +1,54 @@
+"""Plain functions as machine code, compiled when they are first used."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Final, TypeAlias, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from drlsl.files import cache_folder
+
+_LOG: Final = logging.getLogger(__name__)
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+Floats1: TypeAlias = npt.NDArray[np.float64]
+Floats2: TypeAlias = npt.NDArray[np.float64]
+Floats3: TypeAlias = npt.NDArray[np.float64]
+Integers1: TypeAlias = npt.NDArray[np.int64]
+Integers2: TypeAlias = npt.NDArray[np.int64]
+Mask1: TypeAlias = npt.NDArray[np.bool_]
+Mask2: TypeAlias = npt.NDArray[np.bool_]
+"""Arrays that machine code takes, of so many axes, in C order."""
+
+
+def machine_code(function: F) -> F:
+    """Return a function of numbers and arrays as machine code, which gives the same results to the bit.
+
+    Its annotations say what it takes: `bool`, `int`, `float`, and `Floats1` to `Mask2` for arrays. If Numba
+    does not load, the function itself is returned, and a warning is logged once.
+
+    Raises:
+        TypeError: an annotation is another one.
+    """
+    return cast(F, _machine_code(function))
+
+
+@cache
+def _machine_code(function: Callable[..., Any]) -> Callable[..., Any]:
+    compiled = _compiler()
+    return function if compiled is None else compiled(function)
+
+
+@cache
+def _compiler() -> Callable[[Callable[..., Any]], Callable[..., Any]] | None:
+    try:
+        from drlsl.lowering.backends.numba_compile import compiled_function
+    except ImportError as problem:
+        _LOG.warning("driving is slow, since numba does not load: %s", problem)
+        return None
+    return lambda function: compiled_function(function, cache_folder() / "code")
