@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,15 +15,16 @@ from drlsl.cli.options import recordings
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from drlsl.traffic import Merge, RecordingReport, Spread
+    from drlsl.traffic import Merge, Recording, RecordingReport, Source, Spread
 
 app = typer.Typer(help="Look at recordings of traffic, and make new ones.", no_args_is_help=True)
 
-PathArgument = Annotated[
-    str,
+PathArguments = Annotated[
+    list[str],
     typer.Argument(
-        metavar="RECORDING",
-        help="A bundled recording's name, a highD folder or an NGSIM table; #PART chooses one of several.",
+        metavar="PATH...",
+        help="A bundled recording's name, a file, a folder, a data set's root or a .zip of one, or a "
+        "pattern of these; #PART chooses of several, as in #07, #us-101 or #*.",
         show_default=False,
         autocompletion=recordings,
     ),
@@ -49,6 +51,15 @@ TrafficOption = Annotated[
         "default."
     ),
 ]
+FillGaps = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="Fill gaps in tracks of at most so long; a note counts them."),
+]
+Smooth = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="Velocities from positions, by straight lines through so long."),
+]
+Every = Annotated[int, typer.Option(min=1, help="Keep every n-th frame.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 
 
@@ -89,23 +100,138 @@ def list_recordings(as_json: JsonOption = False) -> None:
 
 @app.command()
 def info(
-    path: PathArgument,
+    paths: PathArguments,
     as_json: JsonOption = False,
     cache: Annotated[bool, typer.Option(help="Use and keep a copy that loads faster.")] = True,
 ) -> None:
-    """Describe a recording: vehicles, lanes, speeds, gaps, and what was dropped from its files."""
+    """Describe recordings: vehicles, lanes, speeds, gaps, and what was dropped from their files."""
     from dataclasses import asdict
 
-    from drlsl.traffic import counted, load_recording, recording_report
+    from drlsl.traffic import load_source, recording_report
 
-    report = recording_report(load_recording(path, cache=cache))
+    sources, several = _sources(paths)
+    reports = []
+    for source in sources:
+        report = recording_report(load_source(source, cache=cache))
+        if as_json:
+            reports.append(asdict(report))
+        else:
+            _print_report(report, source.format)
     if as_json:
-        typer.echo(json.dumps(asdict(report), indent=2))
-        return
+        typer.echo(json.dumps(reports if several else reports[0], indent=2))
+
+
+@app.command()
+def convert(
+    paths: PathArguments,
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder to write, or a file that ends in .parquet.", show_default=False),
+    ],
+    to: Annotated[
+        Literal["highd", "parquet"] | None,
+        typer.Option(help="The format; parquet if the file to write is called so.", show_default="highd"),
+    ] = None,
+    fill_gaps: FillGaps = None,
+    smooth: Smooth = None,
+    every: Every = 1,
+    force: Annotated[bool, typer.Option("--force", help="Replace what exists.")] = False,
+) -> None:
+    """Write recordings in highD's layout or, exactly, as Parquet (extra `parquet`); repair them if asked."""
+    from drlsl.traffic import load_source
+
+    kind = to or ("parquet" if out.suffix == ".parquet" else "highd")
+    sources, several = _sources(paths)
+    for source in sources:
+        target = out / _file_name(source.name) if several else out
+        if several and kind == "parquet":
+            target = target.with_name(f"{target.name}.parquet")
+        recording = _edited(load_source(source), fill_gaps=fill_gaps, smooth=smooth, every=every)
+        _write(recording, target, kind, force=force)
+
+
+@app.command()
+def cut(
+    path: Annotated[str, typer.Argument(metavar="PATH", show_default=False, autocompletion=recordings)],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder to write, or a file that ends in .parquet.", show_default=False),
+    ],
+    begin: Annotated[float | None, typer.Option(help="First second.")] = None,
+    end: Annotated[float | None, typer.Option(help="Second before which it ends.")] = None,
+    x_from: Annotated[float | None, typer.Option(help="Where the stretch begins, in metres.")] = None,
+    x_to: Annotated[float | None, typer.Option(help="Where the stretch ends, in metres.")] = None,
+    fill_gaps: FillGaps = None,
+    smooth: Smooth = None,
+    every: Every = 1,
+    force: Annotated[bool, typer.Option("--force", help="Replace what exists.")] = False,
+) -> None:
+    """Write a part of a recording: a span of time, a stretch of road."""
+    from math import inf
+
+    from drlsl.traffic import cut, load_recording
+
+    part = cut(
+        load_recording(path),
+        seconds=(-inf if begin is None else begin, inf if end is None else end),
+        metres=(-inf if x_from is None else x_from, inf if x_to is None else x_to),
+    )
+    part = _edited(part, fill_gaps=fill_gaps, smooth=smooth, every=every)
+    _write(part, out, "parquet" if out.suffix == ".parquet" else "highd", force=force)
+
+
+def _sources(paths: Sequence[str]) -> tuple[list[Source], bool]:
+    """Return the recordings that paths mean, and whether there are or could be several."""
+    from drlsl.traffic import find_sources
+
+    sources = [source for path in paths for source in find_sources(path)]
+    return sources, len(sources) > 1
+
+
+def _file_name(name: str) -> str:
+    """Return the name of a recording as that of a file."""
+    return re.sub(r"[^\w.-]+", "-", name)
+
+
+def _edited(recording: Recording, *, fill_gaps: float | None, smooth: float | None, every: int) -> Recording:
+    """Return a recording with the repairs that are asked for."""
+    from drlsl import traffic
+
+    if fill_gaps is not None:
+        recording = traffic.fill_gaps(recording, fill_gaps)
+    if smooth is not None:
+        recording = traffic.smooth(recording, smooth)
+    return recording if every == 1 else traffic.thin(recording, every)
+
+
+def _write(recording: Recording, out: Path, kind: str, *, force: bool) -> None:
+    """Write a recording, and say what was done to it.
+
+    Raises:
+        UserError: it exists and `force` is not given, or it cannot be written.
+    """
+    from drlsl.errors import UserError
+    from drlsl.traffic import counted, highd_content, write_highd, write_parquet
+
+    if kind == "highd":
+        write_highd(highd_content(recording), out, force=force)
+    elif out.exists() and not force:
+        raise UserError(f"{out}: exists already; choose another file or add --force to replace it")
+    else:
+        write_parquet(recording, out)
+    vehicles = counted(len(recording.vehicle_class), "vehicle")
+    typer.echo(f"{out}: {vehicles}, {recording.duration:.1f} s at {recording.frame_rate:g} Hz")
+    for note in recording.notes:
+        typer.echo(f"note: {note}")
+
+
+def _print_report(report: RecordingReport, kind: str) -> None:
     from rich.console import Console
 
+    from drlsl.traffic import counted
+
     console = Console()
-    for table in (_summary(report), *_lane_tables(report)):
+    for table in (_summary(report, kind), *_lane_tables(report)):
         console.print(table)
     for item in report.dropped:
         console.print(f"dropped: {counted(item.rows, 'row')}: {item.reason}", markup=False, highlight=False)
@@ -212,7 +338,7 @@ def _words(value: str) -> str:
     return value.replace("_", " ")
 
 
-def _summary(report: RecordingReport) -> Table:
+def _summary(report: RecordingReport, kind: str) -> Table:
     from rich.table import Table
 
     from drlsl.traffic import counted
@@ -224,6 +350,7 @@ def _summary(report: RecordingReport) -> Table:
     if report.motorcycles:
         kinds += f", {counted(report.motorcycles, 'motorcycle')}"
     rows = {
+        "format": kind,
         "duration": f"{report.duration_s:.1f} s, {report.frames:,} frames at {report.frame_rate_hz:g} Hz",
         "road": f"{report.x_min_m:.1f} to {report.x_max_m:.1f} m",
         "vehicles": f"{report.vehicles} ({kinds}), at most {report.most_in_one_frame} at once",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import typer
 
 from drlsl.cli.episode_folder import EpisodeFolder, EpisodesOut
-from drlsl.cli.options import Direction, check_new, given_settings, recordings
+from drlsl.cli.options import Direction, check_new, given_settings, one_or_several, recordings
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -80,8 +80,11 @@ def evaluate(
         typer.Option(help="Offer only safe actions, or all of them, or compare both."),
     ] = "both",
     recording: Annotated[
-        str | None,
-        typer.Option(help="Recording to drive in; default: that of the training.", autocompletion=recordings),
+        list[str] | None,
+        typer.Option(
+            help="Recording to drive in, may be repeated; default: those of the training.",
+            autocompletion=recordings,
+        ),
     ] = None,
     direction: Annotated[
         Direction | None,
@@ -125,7 +128,7 @@ def evaluate(
     )
 
     flags = {
-        "env.recording": recording,
+        "env.recording": one_or_several(recording),
         "env.direction": direction,
         "env.rules": [str(path) for path in rules] if rules else None,
         "env.track_length": track_length,

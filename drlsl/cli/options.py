@@ -20,6 +20,11 @@ def recordings(incomplete: str) -> list[str]:
     return [name for name in bundled_recordings() if name.startswith(incomplete)]
 
 
+def one_or_several(named: list[str] | None) -> str | list[str] | None:
+    """Return the recordings that an option names, as `env.recording` has them; None if it names none."""
+    return named[0] if named and len(named) == 1 else named or None
+
+
 def presets(incomplete: str) -> list[str]:
     """Return what may follow in a shell where a preset of `drlsl train` is named."""
     from drlsl.learning import preset_names

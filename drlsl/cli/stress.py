@@ -201,13 +201,13 @@ class _Job:
         seed: int,
     ) -> None:
         from drlsl.driving.shield import Shield
-        from drlsl.traffic import load_recording
+        from drlsl.traffic import load_recordings
 
         self._config = config
         self._policies = policies
         self._shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
         self._drivers = {} if driver is None else {driver: loaded_driver(driver, arguments, self._shield)}
-        self._recordings = [load_recording(name) for name in config.recordings]
+        self._recordings = [one for name in config.recordings for one in load_recordings(name)]
         self._episodes = episodes
         self._seed = seed
 

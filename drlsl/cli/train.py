@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import Direction, Rules, given_settings, presets, recordings
+from drlsl.cli.options import Direction, Rules, given_settings, one_or_several, presets, recordings
 from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.errors import UserError
 
@@ -40,10 +40,12 @@ Preset = Annotated[
         help="Settings that ship with DRLSL: quick (default), paper or tiny.", autocompletion=presets
     ),
 ]
-Recording = Annotated[
-    str | None,
+Recordings = Annotated[
+    list[str] | None,
     typer.Option(
-        help="Bundled recording, highD folder or NGSIM file to drive in.", autocompletion=recordings
+        help="Recording to drive in: a bundled one's name, a file, a folder or a data set with several. May "
+        "be repeated; every episode draws one.",
+        autocompletion=recordings,
     ),
 ]
 Carriageway = Annotated[Direction | None, typer.Option(help="Carriageway to drive on.")]
@@ -70,7 +72,7 @@ Settings = Annotated[
 def train(
     config: Config = None,
     preset: Preset = None,
-    recording: Recording = None,
+    recording: Recordings = None,
     direction: Carriageway = None,
     rules: Rules = None,
     track_length: Annotated[float | None, typer.Option(help="Metres of an episode.")] = None,
@@ -102,7 +104,7 @@ def train(
     unbroken run.
     """
     flags = {
-        "env.recording": recording,
+        "env.recording": one_or_several(recording),
         "env.direction": direction,
         "env.rules": [str(path) for path in rules] if rules else None,
         "env.track_length": track_length,
@@ -171,7 +173,7 @@ def _train(session: Session) -> None:
     console = Console()
     root, config = session.folder.root, session.folder.config
     verb = "resume" if session.trainer.total_steps else "start"
-    typer.echo(f"{verb} {root}: {config.method}, {config.env.recording}, seed {config.seed}")
+    typer.echo(f"{verb} {root}: {config.method}, {', '.join(config.env.recordings)}, seed {config.seed}")
     shown = shlex.quote(str(root))
     with stop_on_signal(console.print) as stop:
         finished = _run(session, console, stop)

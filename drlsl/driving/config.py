@@ -135,8 +135,8 @@ class EnvConfig(Section):
     recording: Name | tuple[Name, ...] = Field(
         "highway-train",
         min_length=1,
-        description="A bundled recording's name or the path of a highD folder or NGSIM file; of several, "
-        "one is drawn for every episode.",
+        description="A bundled recording's name or a path of recordings: a file, a folder, a data set with "
+        "many; of several, one is drawn for every episode.",
     )
     direction: Literal["both", "left_to_right", "right_to_left"] = Field(
         "both",

@@ -33,7 +33,7 @@ from drlsl.learning import (
 from drlsl.study.computer import processors
 from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import Run, StudyConfig, Task
-from drlsl.traffic import find_source
+from drlsl.traffic import find_sources
 from drlsl.version import __version__
 
 Stop = Callable[[], bool]
@@ -218,7 +218,7 @@ def _rule_digests(env: EnvConfig) -> dict[str, str]:
 
 
 def _recording_digests(recordings: Sequence[str]) -> dict[str, str]:
-    sources = [find_source(name) for name in recordings]
+    sources = [source for name in recordings for source in find_sources(name)]
     return {f"recording {source.name}": digest(list(source.files)) for source in sources}
 
 

@@ -1,17 +1,22 @@
 from .array_kinds import NUMBERS, Boxes, Floats, Integers, Mask
+from .as_highd import highd_content
+from .edit import cut, fill_gaps, smooth, thin
+from .formats import FORMATS, write_parquet
 from .generate import simulate
 from .highd_writer import check_folder, write_highd
-from .load import bundled_recordings, load_recording
+from .load import load_recording, load_recordings, load_source
 from .recording import Recording, VehicleClass
 from .report import RecordingReport, Spread, recording_report
 from .road import Direction, Lane, MergingLane, Traffic
 from .road_presets import PRESETS, Merge, find_preset
-from .sources import BUNDLED, find_source
+from .source import Source
+from .sources import BUNDLED, bundled_recordings, find_source, find_sources
 from .tracks import Tracks, lanes_of_rows, pack
 from .words import counted
 
 __all__ = [
     "BUNDLED",
+    "FORMATS",
     "NUMBERS",
     "PRESETS",
     "Boxes",
@@ -24,6 +29,7 @@ __all__ = [
     "MergingLane",
     "Recording",
     "RecordingReport",
+    "Source",
     "Spread",
     "Tracks",
     "Traffic",
@@ -31,12 +37,21 @@ __all__ = [
     "bundled_recordings",
     "check_folder",
     "counted",
+    "cut",
+    "fill_gaps",
     "find_preset",
     "find_source",
+    "find_sources",
+    "highd_content",
     "lanes_of_rows",
     "load_recording",
+    "load_recordings",
+    "load_source",
     "pack",
     "recording_report",
     "simulate",
+    "smooth",
+    "thin",
     "write_highd",
+    "write_parquet",
 ]

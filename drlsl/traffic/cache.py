@@ -7,16 +7,15 @@ import json
 import os
 import re
 import warnings
-from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
 from drlsl.files import cache_folder, written_whole
-from drlsl.traffic.recording import EMPTY_SLOT, Dropped, Frames, Recording, VehicleClass
-from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
-from drlsl.traffic.sources import Source
+from drlsl.traffic.recording import EMPTY_SLOT, Frames, Recording
+from drlsl.traffic.recording_facts import facts_of, recording_from
+from drlsl.traffic.source import Source
 
 LOADER_VERSION = 5
 """Version of the cache: raise it whenever a loader reads the same files differently or the layout changes."""
@@ -52,7 +51,8 @@ def read_cached(source: Source) -> Recording | None:
             facts = json.loads(str(np.load(file, allow_pickle=False)))
             if facts["fingerprint"] != _fingerprint(source):
                 return None
-            return _recording(facts, {name: np.load(file, allow_pickle=False) for name in EMPTY_SLOT})
+            arrays = {name: np.load(file, allow_pickle=False) for name in EMPTY_SLOT}
+            return recording_from(facts, Frames(**arrays))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except BROKEN as error:
@@ -65,21 +65,7 @@ def write_cached(source: Source, recording: Recording) -> None:
 
     Warns: if the cache folder cannot be written; nothing else depends on it.
     """
-    facts = {
-        "fingerprint": _fingerprint(source),
-        "name": recording.name,
-        "frame_rate": recording.frame_rate,
-        "lanes": [{**asdict(lane), "direction": lane.direction.value} for lane in recording.lanes],
-        "x_min": recording.x_min,
-        "x_max": recording.x_max,
-        "vehicle_class": {vehicle: kind.value for vehicle, kind in recording.vehicle_class.items()},
-        "dropped": [asdict(item) for item in recording.dropped],
-        "notes": recording.notes,
-        "merging_lanes": [
-            {**asdict(lane), "direction": lane.direction.value} for lane in recording.merging_lanes
-        ],
-        "traffic": recording.traffic.value,
-    }
+    facts = {"fingerprint": _fingerprint(source), **facts_of(recording)}
     arrays = [np.array(json.dumps(facts)), *(getattr(recording.frames, name) for name in EMPTY_SLOT)]
     path = _cache_file(source)
     try:
@@ -103,27 +89,6 @@ def _checksum(file: IO[bytes]) -> bytes:
         words = np.frombuffer(piece.ljust(-(-len(piece) // SUM) * SUM, b"\0"), dtype="<u8")
         total += int(np.add.reduce(words))
     return (total % 2**64).to_bytes(SUM, "little")
-
-
-def _recording(facts: dict[str, Any], arrays: dict[str, Any]) -> Recording:
-    kinds = {kind.value: kind for kind in VehicleClass}
-    lanes = tuple(Lane(**{**lane, "direction": Direction(lane["direction"])}) for lane in facts["lanes"])
-    return Recording(
-        name=facts["name"],
-        frame_rate=facts["frame_rate"],
-        lanes=lanes,
-        x_min=facts["x_min"],
-        x_max=facts["x_max"],
-        frames=Frames(**arrays),
-        vehicle_class={int(vehicle): kinds[kind] for vehicle, kind in facts["vehicle_class"].items()},
-        dropped=tuple(Dropped(**item) for item in facts["dropped"]),
-        notes=tuple(facts["notes"]),
-        merging_lanes=tuple(
-            MergingLane(**{**lane, "direction": Direction(lane["direction"])})
-            for lane in facts["merging_lanes"]
-        ),
-        traffic=Traffic(facts["traffic"]),
-    )
 
 
 def _cache_file(source: Source) -> Path:

@@ -35,7 +35,7 @@ class HighdContent:
     empty for a direction without lanes; `speed_limit` [m/s] is None for no limit. `lane_limits` [m/s], one
     for each lane from the top, take its place where there are any. `merging_lanes` and `traffic` are as in
     Recording. These three are columns of recordingMeta that highD does not have, written only where they say
-    something.
+    something. `location` is highD's locationId, which its other readers need; None: not written.
     """
 
     tracks: Tracks
@@ -49,6 +49,7 @@ class HighdContent:
     lane_limits: Sequence[float] = ()
     merging_lanes: Sequence[MergingLane] = ()
     traffic: Traffic = Traffic.RECORDED
+    location: int | None = None
 
 
 def check_folder(folder: Path, *, force: bool) -> None:
@@ -175,9 +176,11 @@ def _meta_table(content: HighdContent, part: str) -> pd.DataFrame:
     tracks = content.tracks
     distances = np.abs(tracks.vx) / content.frame_rate
     kinds = list(content.vehicle_class.values())
+    location = {} if content.location is None else {"locationId": [content.location]}
     return pd.DataFrame(
         {
             "id": [int(part)],
+            **location,
             "frameRate": [content.frame_rate],
             "speedLimit": [-1.0 if content.speed_limit is None else content.speed_limit],
             "duration": [(int(tracks.frame.max()) + 1) / content.frame_rate],

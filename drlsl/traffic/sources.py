@@ -1,47 +1,27 @@
-"""Recognise the recordings of a path, by names and first lines alone."""
+"""Find the recordings of a path, by names and beginnings of files alone."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-from enum import Enum
+from collections.abc import Sequence
+from dataclasses import replace
+from glob import glob
 from pathlib import Path
 
 from drlsl.errors import UserError
-from drlsl.traffic.files import UNREADABLE, open_text, unreadable
+from drlsl.traffic.archive import unpacked
+from drlsl.traffic.formats import FORMATS, find_format, part_names
+from drlsl.traffic.source import Source, is_pattern, matching
 
 BUNDLED = Path(__file__).parent / "recordings"
 """Folder of the recordings that come with the package, one highD folder each."""
 
-SUFFIXES = (".csv", ".csv.gz", ".csv.xz")
-"""Endings of the files of a highD recording."""
+DEEPEST = 3
+"""Folders below the named one in which recordings are looked for: a data set may have them in `data`."""
 
-NGSIM_TEXT_COLUMNS = 18
-"""Columns of NGSIM's text layout, which has no line of names."""
+NUMBERED = "its files are called 01_tracks.csv, 01_tracksMeta.csv and 01_recordingMeta.csv"
 
-_TRACKS_FILE = re.compile(r"(\d+)_tracks\.csv(?:\.gz|\.xz)?")
-
-
-class Format(Enum):
-    """Formats that can be loaded."""
-
-    HIGHD = "highD"
-    NGSIM_CSV = "NGSIM, CSV"
-    NGSIM_TEXT = "NGSIM, text"
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """The source of one recording.
-
-    `files` are the tracks, tracksMeta and recordingMeta of highD, or the one table of NGSIM; `part` is the
-    requested site or period of that table, None for all of it.
-    """
-
-    name: str
-    format: Format
-    files: tuple[Path, ...]
-    part: str | None = None
+TABLES = (".csv", ".txt", ".json", ".xml", ".parquet", ".mcap", ".osi")
+"""Endings of the files that are looked at in a folder."""
 
 
 def bundled_recordings() -> tuple[str, ...]:
@@ -50,22 +30,42 @@ def bundled_recordings() -> tuple[str, ...]:
 
 
 def find_source(path: str | Path) -> Source:
-    """Return the recording that a path or the name of a bundled recording means.
+    """Return the one recording that a path or the name of a bundled recording means.
 
     Raises:
-        UserError: there is none, or there are several without a choice, or the format is unknown.
+        UserError: there is none, or there are several, or the format is unknown.
     """
+    found = find_sources(path)
+    if len(found) > 1:
+        labels = [_label(source) for source in found]
+        listed = ", ".join(labels[:12]) + (", …" if len(labels) > 12 else "")
+        stem = str(path).rpartition("#")[0] if _locate(path)[1] is not None else str(path)
+        raise UserError(f"{path}: holds recordings {listed}; choose one, as in {stem}#{labels[0]}")
+    return found[0]
+
+
+def find_sources(path: str | Path) -> list[Source]:
+    """Return all recordings that a path means, in the order of their names.
+
+    A path is the name of a bundled recording, a file, a folder with recordings, the root of a data set or a
+    zip archive of one, or a pattern of such paths (`data/*_tracks.csv`). After `#` comes a part of it, or a
+    pattern of parts.
+
+    Raises:
+        UserError: there is none, or the format is unknown.
+    """
+    if is_pattern(str(path)) and not Path(path).exists():
+        stem, _, parts = str(path).partition("#")
+        if is_pattern(stem):
+            paths = sorted(glob(stem))
+            if not paths:
+                raise UserError(f"{path}: no file or folder is called so")
+            return [one for each in paths for one in find_sources(f"{each}#{parts}" if parts else each)]
     location, part = _locate(path)
-    name = location.name if part is None else f"{location.name}#{part}"
-    if location.is_dir():
-        chosen = _choose(location, part)
-        return Source(name, Format.HIGHD, _highd_files(location, chosen))
-    tracks = _TRACKS_FILE.fullmatch(location.name)
-    if tracks:
-        return Source(
-            f"{location.parent.name}#{tracks[1]}", Format.HIGHD, _highd_files(location.parent, tracks[1])
-        )
-    return Source(name, _table_format(location), (location,), part)
+    place = unpacked(location) if location.suffix == ".zip" and location.is_file() else location
+    if place.is_dir():
+        return _in_folder(location, place, part)
+    return _in_file(location, part)
 
 
 def _locate(path: str | Path) -> tuple[Path, str | None]:
@@ -81,49 +81,100 @@ def _locate(path: str | Path) -> tuple[Path, str | None]:
     raise UserError(f"{path}: no such file or folder, and no bundled recording (those are {known})")
 
 
-def _choose(folder: Path, part: str | None) -> str:
-    """Return the id of the chosen recording in a highD folder."""
-    found = (_TRACKS_FILE.fullmatch(path.name) for path in folder.iterdir())
-    parts = sorted({match[1] for match in found if match})
-    if not parts:
+def _in_file(location: Path, part: str | None) -> list[Source]:
+    """Return the recordings of one file."""
+    row = find_format(location)
+    if row is None:
+        raise _unknown(location)
+    files = row.companions(location)
+    name = f"{location.parent.name}#{_own_part(location)}" if len(files) > 1 else location.name
+    source = Source(name, row.name, files)
+    if part is None:
+        return [source]
+    if row.parts is None:
+        raise UserError(f"{location}: {row.name} has no parts to choose from, but #{part} is asked for")
+    if not is_pattern(part):
+        return [replace(source, name=f"{name}#{part}", part=part)]
+    parts = part_names(source)
+    chosen = matching(part, parts)
+    if not chosen:
+        raise UserError(f"{location}: has no part {part!r}; it holds {', '.join(parts) or 'one recording'}")
+    return [replace(source, name=f"{name}#{one}", part=one) for one in chosen]
+
+
+def _in_folder(location: Path, folder: Path, part: str | None) -> list[Source]:
+    """Return the recordings of a folder; `location` is what the user called it."""
+    found = _sources_below(folder)
+    if not found:
         raise UserError(
-            f"{folder}: no recording in this folder; in highD layout it has files like 01_tracks.csv"
+            f"{location}: no recording in this folder; in highD layout it has files like 01_tracks.csv, and "
+            f"known formats are {_known()}"
         )
-    if part is None and len(parts) > 1:
-        raise UserError(
-            f"{folder}: holds recordings {', '.join(parts)}; choose one, as in {folder}#{parts[0]}"
-        )
-    if part is not None and part not in parts:
-        raise UserError(f"{folder}: no recording {part}; it holds {', '.join(parts)}")
-    return parts[0] if part is None else part
+    labels = [_label(source) for source in found]
+    if part is not None:
+        chosen = matching(part, labels)
+        if not chosen:
+            raise UserError(f"{location}: no recording {part}; it holds {', '.join(labels)}")
+        found = [source for source, label in zip(found, labels, strict=True) if label in chosen]
+    elif len(found) == 1:
+        return [replace(found[0], name=location.name)]
+    return [replace(source, name=f"{location.name}#{_label(source)}") for source in found]
 
 
-def _highd_files(folder: Path, part: str) -> tuple[Path, ...]:
-    """Return the tracks, tracksMeta and recordingMeta files of one recording."""
-    files = []
-    for kind in ("tracks", "tracksMeta", "recordingMeta"):
-        candidates = [folder / f"{part}_{kind}{suffix}" for suffix in SUFFIXES]
-        existing = [path for path in candidates if path.is_file()]
-        if not existing:
-            raise UserError(f"{candidates[0]}: no such file, plain, .gz or .xz; a highD recording needs it")
-        files.append(existing[0])
-    return tuple(files)
+def _sources_below(folder: Path, depth: int = DEEPEST) -> list[Source]:
+    """Return the recordings in a folder or, if there are none, in those below it."""
+    entries = sorted(folder.iterdir())
+    found = []
+    for path in entries:
+        if path.is_file() and path.with_suffix("").suffix + path.suffix in _endings(path):
+            row = find_format(path)
+            if row is not None and not path.name.startswith("."):
+                found.append(Source(path.name, row.name, row.companions(path)))
+    if found or depth == 0:
+        return found
+    below = [path for path in entries if path.is_dir() and not path.name.startswith(".")]
+    return [source for path in below for source in _sources_below(path, depth - 1)]
 
 
-def _table_format(path: Path) -> Format:
-    """Return the NGSIM layout of a file, from its first line."""
+def _endings(path: Path) -> set[str]:
+    """Return the last two suffixes of a path, if files of such names are looked at."""
+    last = path.with_suffix("").suffix + path.suffix
+    packed = path.suffix in (".gz", ".xz")
+    return {last} if (path.with_suffix("").suffix if packed else path.suffix) in TABLES else set()
+
+
+def _label(source: Source) -> str:
+    """Return the part that chooses a recording of several."""
+    return source.part or _own_part(source.files[0])
+
+
+def _own_part(path: Path) -> str:
+    number = path.name.split("_tracks.csv")[0]
+    return number if number != path.name else path.name
+
+
+def _known() -> str:
+    return "; ".join(row.name for row in FORMATS)
+
+
+def _unknown(path: Path) -> UserError:
+    """Return the error for a file of no known format, which says what it looks like."""
+    from drlsl.traffic.files import UNREADABLE, open_text, unreadable
+
     try:
         with open_text(path) as file:
             line = file.readline(10_000)
     except UNREADABLE as error:
-        raise unreadable(path, error) from error
+        return unreadable(path, error)
     if not line:
-        raise UserError(f"{path}: the file is empty")
-    if "vehicle_id" in line.lower():
-        return Format.NGSIM_CSV
-    if len(line.split()) == NGSIM_TEXT_COLUMNS and "," not in line:
-        return Format.NGSIM_TEXT
-    raise UserError(
-        f"{path}: unknown format; expected a folder or an XX_tracks.csv in highD layout, "
-        f"or an NGSIM table ({NGSIM_TEXT_COLUMNS} columns of text, or CSV with a column Vehicle_ID)"
+        return UserError(f"{path}: the file is empty")
+    seen: Sequence[tuple[str, str]] = (
+        ("xcenter", f"columns of exiD; {NUMBERED}"),
+        ("xvelocity", f"columns of highD; {NUMBERED}"),
+        ("<!doctype html", "a page of a web site, no data"),
+        ("git-lfs", "a pointer of Git LFS, no data; fetch it with git lfs pull"),
     )
+    for mark, what in seen:
+        if mark in line.lower():
+            return UserError(f"{path}: unknown format; it looks like {what}")
+    return UserError(f"{path}: unknown format; expected a folder or a file of {_known()}")

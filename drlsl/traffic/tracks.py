@@ -74,8 +74,10 @@ def lanes_of_rows(y: Floats, lanes: Sequence[Lane]) -> LaneIds:
     return ids
 
 
-def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
+def pack(tracks: Tracks, lane: LaneIds, *, name: str, frame_count: int = 0) -> Frames:
     """Return the padded arrays of rows that are sorted, free of duplicates and numbered from frame 0.
+
+    There are `frame_count` frames, or as many as the rows need.
 
     Raises:
         UserError: the frame numbers would need an absurd amount of memory.
@@ -84,7 +86,7 @@ def pack(tracks: Tracks, lane: LaneIds, *, name: str) -> Frames:
     lengths = np.diff(np.append(starts, len(tracks)))
     first_frame = tracks.frame[starts]
     slots, capacity = _slots(first_frame, first_frame + lengths)
-    count = int(tracks.frame.max()) + 1
+    count = max(int(tracks.frame.max()) + 1, frame_count)
     if count * capacity > MOST_CELLS:
         raise UserError(
             f"{name}: {len(tracks):,} rows span {count:,} frames with up to {capacity} vehicles in one, "

@@ -45,7 +45,7 @@ def no_parsing(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_: object) -> Recording:
         raise AssertionError("the files were read again")
 
-    monkeypatch.setattr(drlsl.traffic.load, "_parse", refuse)
+    monkeypatch.setattr(drlsl.traffic.load, "read", refuse)
 
 
 def test_the_second_load_is_equal_and_reads_no_table(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

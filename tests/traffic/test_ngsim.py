@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from drlsl.errors import UserError
 from drlsl.traffic import Direction, Recording, VehicleClass, load_recording
-from drlsl.traffic.ngsim import SPEED_LIMIT, WINDOW, slopes
+from drlsl.traffic.formats.ngsim import SPEED_LIMIT, WINDOW
+from drlsl.traffic.slopes import slopes
 from tests.traffic.writing import NGSIM, Row, write_ngsim_csv, write_ngsim_text
 
 LANE_WIDTH = 3.6
@@ -218,7 +219,7 @@ def test_lane_ids_that_are_no_lanes_are_refused(tmp_path: Path) -> None:
 def test_slopes_are_those_of_least_squares(values: list[float], borders: set[int]) -> None:
     track = np.array(values)
     starts = np.array([0, *sorted(border for border in borders if border < len(track))])
-    found = slopes(track, starts)
+    found = slopes(track, starts, WINDOW)
     for start, end in zip(starts, [*starts[1:], len(track)], strict=True):
         for row in range(start, end):
             low, high = max(start, row - WINDOW // 2), min(end, row + WINDOW // 2 + 1)

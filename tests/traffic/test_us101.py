@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from drlsl.traffic import Recording, VehicleClass, load_recording, recording_report
-from drlsl.traffic.ngsim import FOOT
+from drlsl.traffic.formats.ngsim import FOOT
 from tests.traffic.writing import NGSIM
 
 pytestmark = [

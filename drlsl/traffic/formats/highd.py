@@ -21,7 +21,7 @@ from drlsl.traffic.columns import Kind, line_of_row, read_columns, read_header
 from drlsl.traffic.plausible import HIGHEST_LIMIT, Place, check_rows, limits_are_plain, true_frames
 from drlsl.traffic.recording import Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
-from drlsl.traffic.sources import Source
+from drlsl.traffic.source import Source
 from drlsl.traffic.tracks import Tracks, without_duplicates
 from drlsl.traffic.words import counted, listed
 

@@ -18,7 +18,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.assemble import Road, assemble
 from drlsl.traffic.columns import COMMAS, Kind, Layout, line_of_row, read_columns, read_header
-from drlsl.traffic.ngsim_road import fit_lanes, straighten
+from drlsl.traffic.formats.ngsim_road import fit_lanes, straighten
 from drlsl.traffic.plausible import (
     TOLERATED,
     Place,
@@ -28,7 +28,8 @@ from drlsl.traffic.plausible import (
     true_frames,
 )
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
-from drlsl.traffic.sources import Format, Source
+from drlsl.traffic.slopes import slopes
+from drlsl.traffic.source import Source, matching
 from drlsl.traffic.tracks import Tracks, segment_starts, without_duplicates
 from drlsl.traffic.words import counted
 
@@ -122,7 +123,7 @@ def load_ngsim(source: Source) -> Recording:
         UserError: the file is unreadable, or holds several sites or periods and the source chooses none.
     """
     (path,) = source.files
-    layout = COMMAS if source.format is Format.NGSIM_CSV else TEXT_LAYOUT
+    layout = _layout(source)
     table, dropped = _choose_part(path, _read(path, layout), source.part)
     read, place = _tracks(path, table, layout)
     check_rows(place, read)
@@ -145,6 +146,20 @@ def load_ngsim(source: Source) -> Recording:
         dropped=(*dropped, *repeated),
         notes=(*thinned, *_notes(bend, speeds)),
     )
+
+
+def part_names(source: Source) -> tuple[str, ...]:
+    """Return the sites and periods of a table.
+
+    Raises:
+        UserError: the file is unreadable.
+    """
+    (path,) = source.files
+    return tuple(np.unique(ngsim_parts(path, _read(path, _layout(source)))).tolist())
+
+
+def _layout(source: Source) -> Layout:
+    return COMMAS if source.format == "NGSIM, CSV" else TEXT_LAYOUT
 
 
 def _read(path: Path, layout: Layout) -> pd.DataFrame:
@@ -196,9 +211,9 @@ def _choose_part(
     present = np.unique(parts)
     if part is None and len(present) > 1:
         raise UserError(f"{path}: holds {', '.join(present)}; choose one, for example {path}#{present[0]}")
-    if part is not None and part not in present:
+    chosen = present[0] if part is None else next(iter(matching(part, present.tolist())), None)
+    if chosen is None:
         raise UserError(f"{path}: has no part {part!r}; it holds {', '.join(present) or 'one recording'}")
-    chosen = present[0] if part is None else part
     site = chosen.split("/")[0]
     if site and site not in FREEWAYS:
         raise UserError(f"{path}: {site} is not a freeway; the supported sites are {', '.join(FREEWAYS)}")
@@ -245,7 +260,7 @@ def _velocities(path: Path, tracks: Tracks, rate: float) -> Estimated:
             "ten frames a second"
         )
     starts = segment_starts(tracks)
-    moved_x, moved_y = (slopes(values, starts) * rate for values in (tracks.x, tracks.y))
+    moved_x, moved_y = (slopes(values, starts, WINDOW) * rate for values in (tracks.x, tracks.y))
     lengths = np.diff(np.append(starts, len(tracks)))
     known = np.repeat(lengths > 1, lengths)
     squares = np.add.reduceat(np.where(known, moved_x - tracks.vx, 0.0) ** 2, starts)
@@ -253,30 +268,6 @@ def _velocities(path: Path, tracks: Tracks, rate: float) -> Estimated:
     vx = np.where(np.repeat(disbelieved, lengths), moved_x, tracks.vx)
     vehicles = np.unique(tracks.vehicle[starts][disbelieved])
     return Estimated(vx, moved_y, len(vehicles))
-
-
-def slopes(values: Floats, starts: npt.NDArray[np.int64]) -> Floats:
-    """Return the slope of the least squares line through the rows around each row, within its segment.
-
-    Segments begin at `starts`. The window has at most WINDOW rows and is cut off at the ends of segments; a
-    segment of one row has slope 0.
-    """
-    ends = np.append(starts[1:], len(values))
-    result = np.zeros(len(values))
-    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        count = end - start
-        if count < 2:
-            continue
-        rows = np.arange(count)
-        low, high = np.maximum(rows - WINDOW // 2, 0), np.minimum(rows + WINDOW // 2 + 1, count)
-        track = values[start:end] - values[start]
-        sums = np.concatenate([[0.0], np.cumsum(track)])
-        moments = np.concatenate([[0.0], np.cumsum(track * rows)])
-        size = (high - low).astype(np.float64)
-        middle = (low + high - 1) / 2
-        spread = size * (size**2 - 1) / 12
-        result[start:end] = (moments[high] - moments[low] - middle * (sums[high] - sums[low])) / spread
-    return result
 
 
 def _classes(path: Path, tracks: Tracks, codes: npt.NDArray[np.int64]) -> dict[int, VehicleClass]:

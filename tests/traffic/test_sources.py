@@ -1,0 +1,132 @@
+"""One front door: files, folders, archives, data sets, patterns and parts, in any number."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drlsl.cli.data import app
+from drlsl.errors import UserError
+from drlsl.traffic import FORMATS, find_source, find_sources, load_recording, load_recordings
+from drlsl.traffic.source import matching
+from tests.traffic.test_ngsim import traffic
+from tests.traffic.writing import Row, write_highd, write_ngsim_csv
+
+
+@pytest.fixture
+def data_set(tmp_path: Path) -> Path:
+    """The root of a data set of twelve, which are in `data`, beside a page about it."""
+    root = tmp_path / "highD"
+    for number in range(1, 13):
+        write_highd(root / "data", [Row(1, 1, 50.0 + number, 22.0)], part=f"{number:02d}")
+    (root / "README.txt").write_text("Recordings of traffic.\n")
+    return root
+
+
+def names(path: Path | str) -> list[str]:
+    return [source.name for source in find_sources(path)]
+
+
+def test_a_data_set_is_all_its_recordings(data_set: Path) -> None:
+    assert names(data_set) == [f"highD#{number:02d}" for number in range(1, 13)]
+    assert [one.frame(0).x[0] for one in load_recordings(data_set)] == [50.0 + n for n in range(1, 13)]
+
+
+@pytest.mark.parametrize(
+    ("part", "numbers"),
+    [("7", [7]), ("07", [7]), ("1*", [10, 11, 12]), ("0[2-4]", [2, 3, 4]), ("*", list(range(1, 13)))],
+)
+def test_parts_and_patterns(data_set: Path, part: str, numbers: list[int]) -> None:
+    assert names(f"{data_set}#{part}") == [f"highD#{number:02d}" for number in numbers]
+
+
+def test_one_of_several_must_be_chosen_where_one_is_needed(data_set: Path) -> None:
+    with pytest.raises(UserError, match=f"holds recordings 01, 02, .*choose one, as in {data_set}#01"):
+        find_source(data_set)
+    assert load_recording(f"{data_set}#3").frame(0).x.tolist() == [53.0]
+    with pytest.raises(UserError, match="no recording 13; it holds 01, 02"):
+        find_sources(f"{data_set}#13")
+
+
+def test_patterns_of_paths(data_set: Path) -> None:
+    assert len(names(f"{data_set}/data/0*_tracks.csv")) == 9
+    with pytest.raises(UserError, match="no file or folder is called so"):
+        find_sources(f"{data_set}/data/x*")
+
+
+def test_an_archive_is_unpacked_once(data_set: Path, tmp_path: Path, cache_folder: Path) -> None:
+    archive = tmp_path / "highD.zip"
+    with zipfile.ZipFile(archive, "w") as file:
+        for path in sorted((data_set / "data").iterdir()):
+            file.write(path, f"highD/data/{path.name}")
+    assert names(archive) == [f"highD.zip#{number:02d}" for number in range(1, 13)]
+    assert load_recording(f"{archive}#7").frame(0).x.tolist() == [57.0]
+    assert len(list((cache_folder / "unpacked").iterdir())) == 1
+
+
+@pytest.mark.parametrize("spoil", ["cut", "no archive", "outside"])
+def test_a_bad_archive(data_set: Path, tmp_path: Path, spoil: str) -> None:
+    archive = tmp_path / "highD.zip"
+    with zipfile.ZipFile(archive, "w") as file:
+        file.write(data_set / "README.txt", "../../escaped.txt" if spoil == "outside" else "README.txt")
+    if spoil == "cut":
+        archive.write_bytes(archive.read_bytes()[:-30])
+    elif spoil == "no archive":
+        archive.write_text("Sign in, please.\n")
+    with pytest.raises(
+        UserError, match="no recording in this" if spoil == "outside" else "cannot be unpacked"
+    ):
+        find_sources(archive)
+    assert not (tmp_path.parent / "escaped.txt").exists()
+
+
+def test_sites_and_periods_of_a_table_as_people_spell_them(tmp_path: Path) -> None:
+    us101 = write_ngsim_csv(tmp_path / "a.csv", traffic(3), site="us-101").read_text()
+    i80 = write_ngsim_csv(tmp_path / "b.csv", traffic(2), site="i-80").read_text()
+    path = tmp_path / "all.csv"
+    path.write_text(us101 + i80.split("\n", 1)[1])
+    assert len(load_recording(f"{path}#us101").lanes) == 3
+    assert len(load_recording(f"{path}#I-80").lanes) == 2
+    assert [len(one.lanes) for one in load_recordings(f"{path}#*")] == [2, 3]
+
+
+def test_names_match_as_people_spell_them() -> None:
+    assert matching("us101", ["i-80", "us-101"]) == ["us-101"]
+    assert matching("10", ["01", "10", "100"]) == ["10"]
+    assert matching("i-80/*", ["i-80/1", "i-80/2", "us-101"]) == ["i-80/1", "i-80/2"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "recordingId,trackId,frame,xCenter,yCenter\n",
+            "it looks like columns of exiD; its files are called",
+        ),
+        ("frame,id,x,y,xVelocity\n", "it looks like columns of highD; its files are called 01_tracks.csv"),
+        ("<!DOCTYPE html><html>\n", "it looks like a page of a web site, no data"),
+        ("version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS, no data; fetch it"),
+        ("a,b\n1,2\n", "unknown format; expected a folder or a file of"),
+    ],
+)
+def test_an_unknown_layout_is_named(tmp_path: Path, text: str, expected: str) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(UserError, match=expected):
+        find_sources(path)
+
+
+def test_formats_have_names_of_their_own() -> None:
+    assert len({row.name for row in FORMATS}) == len(FORMATS)
+
+
+def test_info_of_several(data_set: Path) -> None:
+    result = CliRunner().invoke(
+        app, ["info", f"{data_set}#0[12]", "freeway", "--json"], catch_exceptions=False
+    )
+    reports = json.loads(result.output)
+    assert [report["name"] for report in reports] == ["highD#01", "highD#02", "freeway"]
