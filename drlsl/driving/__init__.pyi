@@ -2,16 +2,18 @@ from .config import EnvConfig, Section
 from .envs import HighwayEnv, HighwayVectorEnv, make_env, make_vec
 from .scene import Action, Road, Scene, Vehicle, facts_of
 from .shield import Decision, Shield
-from .stress_test import POLICIES, Counts, StressReport, record, stress
+from .stress_test import POLICIES, ContactRecord, Counts, LaneChange, StressReport, record, stress
 
 __all__ = [
     "POLICIES",
     "Action",
+    "ContactRecord",
     "Counts",
     "Decision",
     "EnvConfig",
     "HighwayEnv",
     "HighwayVectorEnv",
+    "LaneChange",
     "Road",
     "Scene",
     "Section",

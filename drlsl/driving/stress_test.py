@@ -13,7 +13,7 @@ import numpy.typing as npt
 from drlsl.driving.config import EnvConfig
 from drlsl.driving.drivers import DrivenBy, Driver
 from drlsl.driving.episodes import Ending, Episode, EpisodeRecorder, Origin
-from drlsl.driving.scene import Action, Scene, SceneBatch
+from drlsl.driving.scene import Action, Scene, SceneBatch, taken_rows
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import (
     StepResult,
@@ -96,10 +96,19 @@ def margins(scenes: SceneBatch, targets: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
+class LaneChange:
+    """A lane change that an ego began, and the scene in which it chose to."""
+
+    action: Action
+    scene: Scene
+
+
+@dataclass(frozen=True, slots=True)
 class ContactRecord:
     """A contact: its episode and policy, the verdict, the other vehicle and the scene of the contact.
 
-    `closing_speed` [m/s]: the difference of the two speeds.
+    `closing_speed` [m/s]: the difference of the two speeds. `change`: the last lane change before it, if the
+    ego began one since it entered the road.
     """
 
     episode: int
@@ -108,6 +117,7 @@ class ContactRecord:
     vehicle: int
     closing_speed: float
     scene: Scene
+    change: LaneChange | None = None
 
     @property
     def name(self) -> str:
@@ -115,8 +125,10 @@ class ContactRecord:
         return f"episode-{self.episode}-{self.verdict}-v{self.vehicle}"
 
     def as_json(self) -> dict[str, Any]:
-        """Return all fields but the scene."""
-        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "scene"}
+        """Return all fields but those that hold scenes."""
+        return {
+            one.name: getattr(self, one.name) for one in fields(self) if one.name not in ("scene", "change")
+        }
 
 
 @dataclass(slots=True)
@@ -141,6 +153,16 @@ class Counts:
         """Contacts that one of the written rules excuses."""
         return self.contacts.total() - self.contacts_at_fault
 
+    def add(self, other: Counts) -> None:
+        """Add the counts of other episodes."""
+        self.episodes += other.episodes
+        self.steps += other.steps
+        self.distance += other.distance
+        self.lane_changes += other.lane_changes
+        self.off_road += other.off_road
+        self.fail_safe += other.fail_safe
+        self.contacts.update(other.contacts)
+
     def as_json(self) -> dict[str, Any]:
         """Return the counts."""
         return {
@@ -158,23 +180,18 @@ class Counts:
 
 @dataclass(slots=True)
 class StressReport:
-    """The counts of each policy, and the worst contacts: those at fault first, then by closing speed."""
+    """The counts of each policy, and the `kept` worst contacts: at fault first, then by closing speed."""
 
     policies: dict[str, Counts] = field(default_factory=dict)
     worst: list[ContactRecord] = field(default_factory=list)
+    kept: int = WORST
 
     @property
     def total(self) -> Counts:
         """The counts of all policies together."""
         total = Counts()
         for counts in self.policies.values():
-            total.episodes += counts.episodes
-            total.steps += counts.steps
-            total.distance += counts.distance
-            total.lane_changes += counts.lane_changes
-            total.off_road += counts.off_road
-            total.fail_safe += counts.fail_safe
-            total.contacts.update(counts.contacts)
+            total.add(counts)
         return total
 
     def as_json(self) -> dict[str, Any]:
@@ -190,7 +207,7 @@ class StressReport:
         self.policies[record.policy].contacts[record.verdict] += 1
         self.worst.append(record)
         self.worst.sort(key=lambda kept: (kept.verdict != "at_fault", -kept.closing_speed, kept.episode))
-        del self.worst[WORST:]
+        del self.worst[self.kept :]
 
 
 def _policy_of(driver: Driver) -> Policy:
@@ -230,6 +247,8 @@ class _Stress:
         policies: Mapping[str, Policy],
         seeds: Iterable[tuple[int, np.random.SeedSequence]],
         recorder: EpisodeRecorder | None = None,
+        *,
+        kept: int = WORST,
     ) -> None:
         """Take the episodes of `seeds`, by number; a `recorder` must not see an ego take a second one."""
         self._world = world
@@ -241,7 +260,8 @@ class _Stress:
         self._draws = _Draws(world.count)
         self._episode = np.full(world.count, -1)
         self._policy = np.zeros(world.count, dtype=np.int64)
-        self.report = StressReport({name: Counts() for name in policies})
+        self._begun: dict[int, tuple[SceneBatch, int, int]] = {}  # by ego: scenes, its row, and the action
+        self.report = StressReport({name: Counts() for name in policies}, kept=kept)
 
     def run(self) -> Iterator[StressReport]:
         """Drive all episodes; yield the report each time some end."""
@@ -252,7 +272,7 @@ class _Stress:
         # An ego whose episode is over begins the next one in the following step.
         restarts: dict[int, np.random.Generator] = {}
         while (self._episode >= 0).any():
-            actions, watch = self._actions(), None
+            actions, watch, seen = self._actions(), None, self._world.seen
             if self._recorder is not None:
                 self._recorder.choose(actions, np.full((len(actions), len(Action)), np.nan))
                 watch = self._recorder.watch
@@ -260,6 +280,7 @@ class _Stress:
             running = self._episode >= 0
             running[list(restarts)] = False
             ended = np.flatnonzero(running & (result.terminated | result.truncated)).tolist()
+            self._remember(seen, actions, result)
             self._count(result, running, ended)
             restarts = self._begin(ended)
             if ended:
@@ -270,6 +291,7 @@ class _Stress:
         started = {}
         for ego in egos:
             self._episode[ego] = -1
+            self._begun.pop(ego, None)
             for episode, seed in self._seeds:
                 own, drawn = seed.spawn(2)
                 self._episode[ego], self._policy[ego] = episode, episode % len(self._policies)
@@ -287,6 +309,21 @@ class _Stress:
             if mine.any():
                 actions = np.where(mine, choose(self._world, drawn), actions)
         return actions
+
+    def _remember(self, seen: SceneBatch, actions: Actions, result: StepResult) -> None:
+        """Remember the lane changes that a step began in the scenes `seen`."""
+        began = result.changed.nonzero()[0]
+        if began.size:
+            scenes = taken_rows(seen, began)
+            for row, ego in enumerate(began.tolist()):
+                self._begun[ego] = scenes, row, int(actions[ego])
+
+    def _last_change(self, ego: int) -> LaneChange | None:
+        """Return the last lane change of an ego's episode."""
+        if ego not in self._begun:
+            return None
+        scenes, row, action = self._begun[ego]
+        return LaneChange(Action(action), scenes.scene(row))
 
     def _count(self, result: StepResult, running: npt.NDArray[np.bool_], ended: Sequence[int]) -> None:
         """Add a step of the `running` egos, of which some `ended` their episode, to the report."""
@@ -311,6 +348,7 @@ class _Stress:
                         contact.vehicle,
                         contact.closing_speed,
                         result.scenes.scene(ego),
+                        self._last_change(ego),
                     )
                 )
 
@@ -325,14 +363,17 @@ def stress(
     seed: int,
     egos: int = EGOS,
     drivers: Mapping[str, Driver] | None = None,
+    kept: int = WORST,
 ) -> Iterator[StressReport]:
     """Run `episodes` episodes; yield the report, always the same object, each time some end.
 
     `policies`, names of `POLICIES`, and `drivers`, by names of their own, take turns. Episode i is a function
-    of (`seed`, i) and of its policy; `World` says which parts of `config` matter.
+    of (`seed`, i) and of its policy; `World` says which parts of `config` matter. The report keeps the worst
+    `kept` contacts.
     """
     world = _world(config, recordings, shield, min(egos, episodes))
-    yield from _Stress(world, _taking_turns(policies, drivers), _seeds(seed, episodes), None).run()
+    turns = _taking_turns(policies, drivers)
+    yield from _Stress(world, turns, _seeds(seed, episodes), None, kept=kept).run()
 
 
 def record(

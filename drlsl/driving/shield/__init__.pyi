@@ -16,6 +16,7 @@ from .questions import (
     Question,
     questions_of_a_decision,
 )
+from .scene_program import SceneProgram
 from .shield import LIMITS, Shield
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "ObservationSpace",
     "Question",
     "RuleFailure",
+    "SceneProgram",
     "Shield",
     "check_state",
     "declared_observation",
