@@ -144,6 +144,7 @@ def test_logic_imports_the_standard_library_only(path: Path) -> None:
         ("ray", {"drlsl.study.cluster"}),
         ("z3", {"drlsl.verify.smt.solver"}),
         ("cvc5", {"drlsl.verify.smt.second"}),
+        ("clingo", {"drlsl.induction.clause_search"}),
         ("numba", {"drlsl.lowering.backends.numba_compile"}),
     ],
 )

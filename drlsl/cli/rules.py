@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from drlsl.cli import rules_test, verify
+from drlsl.cli import rules_learn, rules_test, verify
 from drlsl.cli.options import RuleFiles
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ app = typer.Typer(
 )
 app.command("test")(rules_test.run_tables)
 app.command("verify")(verify.verify)
+app.command("learn")(rules_learn.learn)
 
 
 class Tier(StrEnum):

@@ -1,0 +1,106 @@
+"""`drlsl rules learn`: learn when lane changes are open, from driving, and prove what must hold of it."""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from drlsl.cli.options import recordings
+
+if TYPE_CHECKING:
+    from drlsl.induction import LearningRun, Learnt
+
+Recordings = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="Recordings to learn from; default: highway-train and freeway.", autocompletion=recordings
+    ),
+]
+Must = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--must",
+        metavar="NAME",
+        help="A property that must be proved; may be repeated. Default: nobody_alongside, nothing_hidden.",
+    ),
+]
+
+
+def learn(
+    recording: Recordings = None,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The rule file to write.")] = Path("learnt.pl"),
+    bias: Annotated[
+        str, typer.Option(metavar="FILE", help="The program whose learn/2 declares what to learn from.")
+    ] = "learning.pl",
+    label: Annotated[
+        Literal["fault", "contact", "rss"],
+        typer.Option(
+            help="What makes a lane change unsafe: a contact at fault, any contact, or a gap below the "
+            "distance of highway.pl before it has ended."
+        ),
+    ] = "fault",
+    changes: Annotated[int, typer.Option(min=1, help="Lane changes to label in each recording.")] = 20_000,
+    clauses: Annotated[int, typer.Option(help="The most clauses.")] = 3,
+    literals: Annotated[int, typer.Option(help="The most literals of a clause.")] = 4,
+    search_time: Annotated[float, typer.Option(min=0.1, help="Seconds of each search.")] = 10.0,
+    must: Must = None,
+    properties: Annotated[
+        list[Path] | None,
+        typer.Option("--property", metavar="FILE", help="A file of properties instead of properties.pl."),
+    ] = None,
+    episodes: Annotated[
+        int, typer.Option(min=1, help="Episodes of stress on each recording, in which nothing may go wrong.")
+    ] = 10_000,
+    rounds: Annotated[int, typer.Option(min=1, help="The most rounds.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
+) -> None:
+    """Learn when a lane change is open from lane changes in the world, and prove properties of the result.
+
+    Every round drives with what was found, and tries to prove what must hold; what goes wrong becomes an
+    example, until nothing does. The same command continues after Ctrl-C. The exit status is 1 if the rounds
+    ended before that.
+    """
+    from drlsl.errors import UserError
+
+    for module, extra in (("clingo", "learn"), ("z3", "verify")):
+        if find_spec(module) is None:
+            raise UserError(f"learning rules needs {module}: pip install 'drlsl[{extra}]'")
+    from drlsl.induction import Labelling, LearningRun, LearnRequest
+
+    run = LearningRun(
+        LearnRequest(
+            recordings=tuple(recording or ("highway-train", "freeway")),
+            bias=bias,
+            how=Labelling(label=label, changes=changes, seed=seed),
+            clauses=clauses,
+            literals=literals,
+            seconds=search_time,
+            must=("nobody_alongside", "nothing_hidden") if must is None else tuple(must),
+            properties=tuple(properties or ()),
+            episodes=episodes,
+            rounds=rounds,
+            jobs=jobs or os.cpu_count() or 1,
+        ),
+        out,
+        lambda line: typer.echo(line, err=True),
+    )
+    result = _run(run, out)
+    print("\n".join(result.lines()))
+    print(f"wrote {out}")
+    if not result.finished:
+        raise typer.Exit(1)
+
+
+def _run(run: LearningRun, out: Path) -> Learnt:
+    """Learn; after Ctrl-C say what is left, and how to go on."""
+    try:
+        return run.run()
+    except KeyboardInterrupt:
+        kept = f"{out} has the best clauses so far" if out.exists() else "no clauses were found yet"
+        typer.echo(f"drlsl: stopped; {kept}, and the same command continues", err=True)
+        raise

@@ -1,0 +1,125 @@
+"""The file of learnt rules: clauses that a person can read and sign, each with what it rests on."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drlsl.induction.bias import OBJECTIONS, SIDES
+from drlsl.induction.examples import Examples
+from drlsl.induction.search_problem import LearntClause
+
+_WIDTH = 130
+
+
+@dataclass(frozen=True, slots=True)
+class FixedLimit:
+    """A limit of a clause: its quantity, and the unsafe example that a looser one would cover.
+
+    `example` is its place among the examples, None if the clause leaves out nothing by this limit alone.
+    """
+
+    clause: int
+    quantity: int
+    ease: int
+    example: int | None
+
+
+def fixed_limits(clauses: Sequence[LearntClause], examples: Examples) -> list[FixedLimit]:
+    """Return every limit with the example that fixes it: of those that it alone leaves out, the easiest."""
+    places = examples.unsafe_places
+    eases = examples.eases[places]
+    result = []
+    for number, clause in enumerate(clauses):
+        for quantity, ease in enumerate(clause.limits):
+            if ease is None:
+                continue
+            without = tuple(None if q == quantity else limit for q, limit in enumerate(clause.limits))
+            alone = LearntClause(without).covers(eases).nonzero()[0]
+            example = None
+            if alone.size:
+                example = int(places[alone[np.argmax(eases[alone, quantity])]])
+            result.append(FixedLimit(number, quantity, ease, example))
+    return result
+
+
+def clause_text(clause: LearntClause, examples: Examples) -> str:
+    """Return a clause of `opening/1`."""
+    quantities = examples.bias.quantities
+    literals = [
+        one.literal(limit, f"V{number}")
+        for number, (one, limit) in enumerate(
+            ((one, limit) for one, limit in zip(quantities, clause.limits, strict=True) if limit is not None),
+            start=1,
+        )
+    ]
+    return "opening(Side) :-\n    " + ",\n    ".join(literals) + "."
+
+
+def learnt_text(
+    clauses: Sequence[LearntClause], examples: Examples, head: Sequence[str], name: str, bias: str
+) -> str:
+    """Return the text of the rule file `name` of these clauses, on top of the file `bias`.
+
+    `head` are the sentences that introduce it.
+    """
+    lines = [f"% {name} - when a lane change is open, learnt from driving by drlsl rules learn.", "%"]
+    for sentence in head:
+        lines += _comment(sentence)
+    lines += ["", f":- ensure_loaded('{bias}').", "", OBJECTIONS.rstrip(), ""]
+    lines += _comment(
+        "opening(Side): the lane on that side is open: no vehicle there is too near, or too fast."
+    )
+    fixed = fixed_limits(clauses, examples)
+    safe = ~examples.unsafe
+    before = np.zeros(len(safe), dtype=np.bool_)
+    for number, clause in enumerate(clauses):
+        own = clause.covers(examples.eases) & safe
+        lines += [
+            "",
+            *_comment(
+                f"Clause {number + 1} offers {own.sum():,} of the {safe.sum():,} safe examples, "
+                f"{(own & ~before).sum():,} of them as the first; none of the {examples.unsafe.sum():,} "
+                "unsafe ones."
+            ),
+        ]
+        before |= own
+        for limit in fixed:
+            if limit.clause == number:
+                lines += _comment(_why(limit, examples), indent="  ")
+        lines.append(clause_text(clause, examples))
+    return "\n".join(lines) + "\n"
+
+
+def _why(limit: FixedLimit, examples: Examples) -> str:
+    """Return the example that fixes a limit, in words."""
+    one = examples.bias.quantities[limit.quantity]
+    bound = f"{one} {'at least' if one.more else 'at most'} {one.words(limit.ease)}"
+    if limit.example is None:
+        return f"{bound}: no unsafe example is left out by this alone"
+    return f"{bound}: {example_words(limit.example, examples)}"
+
+
+def example_words(place: int, examples: Examples) -> str:
+    """Return where an example comes from, its side, and its quantities, `-` where nothing is in the way."""
+    values = ", ".join(
+        f"{_short(str(one))} {one.words(int(ease))}"
+        for one, ease in zip(examples.bias.quantities, examples.eases[place], strict=True)
+    )
+    return f"{examples.origin[place]}, to the {SIDES[int(examples.side[place])]}: {values}"
+
+
+def _short(quantity: str) -> str:
+    """Return gap(Side, behind, _) as gap behind."""
+    words = quantity.replace("(", " ").replace(")", " ").replace(",", " ").split()
+    return " ".join(word for word in words if word not in ("Side", "_"))
+
+
+def _comment(text: str, indent: str = "") -> Iterator[str]:
+    first = f"% {indent}"
+    yield from textwrap.wrap(
+        text, _WIDTH, initial_indent=first, subsequent_indent=f"{first}  " if indent else first
+    )

@@ -1,0 +1,215 @@
+"""The loop: what goes wrong is learnt from, rounds are kept and resumed, and what cannot be met is told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drlsl.cli import run as command
+from drlsl.driving.scene import Scene
+from drlsl.driving.shield import Shield
+from drlsl.errors import UserError
+from drlsl.induction import (
+    BadChange,
+    Examples,
+    Labelling,
+    LearningRun,
+    LearnRequest,
+    Stressed,
+    covered,
+)
+from drlsl.induction.bias import SIDES
+from drlsl.induction.examination import broken_by, examined, stressed
+
+REQUEST = LearnRequest(
+    recordings=("highway-test",),
+    how=Labelling(changes=80, egos=16),
+    seconds=0.5,
+    must=(),
+    episodes=10,
+)
+CLEAN: dict[str, Any] = {
+    "episodes": 10,
+    "contacts_at_fault": 0,
+    "contacts_not_at_fault": 3,
+    "off_road": 0,
+    "lane_changes": 7,
+}
+
+
+class Trouble:
+    """Stress in which the first `times` rounds end at fault, after a lane change that the file offers."""
+
+    def __init__(self, times: int, examples: Examples) -> None:
+        self.times, self.rounds, self._examples = times, 0, examples
+
+    def __call__(
+        self, rules: Path, recordings: Sequence[str], episodes: int, seed: int, *, jobs: int
+    ) -> list[Stressed]:
+        self.rounds += 1
+        if self.rounds > self.times:
+            return [Stressed(recordings[0], CLEAN, (), 0)]
+        bad = BadChange(*self._offered(rules), f"stress of {recordings[0]}")
+        return [Stressed(recordings[0], {**CLEAN, "contacts_at_fault": 1}, (bad,), 0)]
+
+    def _offered(self, rules: Path) -> tuple[Scene, Any]:
+        """Return a scene and side that the rules offer, as hard as any."""
+        scenes = self._examples.scenes
+        mask = Shield.from_files([rules], tier="numpy").decide_batch(scenes).action_mask
+        mine = mask[np.arange(len(mask)), 1 + self._examples.side] & (self._examples.eases < 2**31 - 1).any(1)
+        place = int(mine.nonzero()[0][0])
+        return scenes.scene(place), SIDES[int(self._examples.side[place])]
+
+
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory: pytest.TempPathFactory) -> Examples:
+    run = LearningRun(REQUEST, tmp_path_factory.mktemp("labels") / "a.pl", lambda _: None)
+    return Examples(run.bias, run._labelled())
+
+
+def learn(
+    out: Path, trouble: Trouble, monkeypatch: pytest.MonkeyPatch, request: LearnRequest = REQUEST
+) -> tuple[Any, list[str]]:
+    told: list[str] = []
+    monkeypatch.setattr("drlsl.induction.learning_rounds.stressed", trouble)
+    return LearningRun(request, out, told.append).run(), told
+
+
+def test_what_goes_wrong_is_an_example_of_the_next_round(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "learnt.pl"
+    result, told = learn(out, Trouble(2, examples), monkeypatch)
+    assert [len(one.bad) for one in result.rounds] == [1, 1, 0]
+    assert result.finished
+    assert result.rounds[0].clauses != result.rounds[1].clauses
+    assert not covered(result.clauses, result.examples.eases[result.examples.unsafe]).any()
+    assert result.examples.origin[-1] == "stress of highway-test"
+    assert sum(line.startswith("round") for line in told) == 3
+    text = out.read_text()
+    assert "and no unsafe one" in text
+    mask = Shield.from_files([out], tier="numpy").decide_batch(result.examples.scenes).action_mask
+    mine = mask[np.arange(len(mask)), 1 + result.examples.side]
+    assert (mine == covered(result.clauses, result.examples.eases)).all(), "the text is what was searched"
+
+
+def test_rounds_are_resumed_and_other_settings_refused(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, _ = learn(tmp_path / "whole.pl", Trouble(2, examples), monkeypatch)
+
+    class Stopped(Trouble):
+        def __call__(self, *given: Any, **options: Any) -> list[Stressed]:
+            if self.rounds == 1:
+                raise KeyboardInterrupt
+            return super().__call__(*given, **options)
+
+    out = tmp_path / "parts.pl"
+    with pytest.raises(KeyboardInterrupt):
+        learn(out, Stopped(2, examples), monkeypatch)
+    assert "opening(Side) :-" in out.read_text(), "the best so far is left"
+    assert [file.name for file in sorted(out.with_suffix(".rounds").iterdir())] == [
+        *("round-01.json", "settings.json")
+    ]
+    rest, told = learn(out, Trouble(1, examples), monkeypatch)
+    assert rest.rounds == whole.rounds
+    assert sum(line.startswith("round") for line in told) == 2
+    text = out.read_text()
+    again, told = learn(out, Trouble(9, examples), monkeypatch)
+    assert (again.rounds, out.read_text()) == (rest.rounds, text), "nothing is left to do"
+    with pytest.raises(UserError, match="holds the rounds of other settings"):
+        LearningRun(LearnRequest(recordings=("freeway",)), out, print)
+
+
+def test_a_limit_of_rounds_leaves_what_holds_of_the_last_file(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "learnt.pl"
+    limited = replace(REQUEST, rounds=2)
+    result, _ = learn(out, Trouble(9, examples), monkeypatch, limited)
+    assert not result.finished
+    assert len(result.rounds) == 2
+    assert not covered(result.clauses, result.examples.eases[result.examples.unsafe]).any()
+    assert "the last one still brought examples" in out.read_text()
+
+
+def test_the_file_of_a_user_is_not_overwritten(tmp_path: Path) -> None:
+    out = tmp_path / "mine.pl"
+    out.write_text("a.\n")
+    with pytest.raises(UserError, match=r"mine\.pl exists; name a new file"):
+        LearningRun(REQUEST, out, print)
+    assert out.read_text() == "a.\n"
+
+
+def test_stress_keeps_the_lane_changes_that_ended_at_fault(tmp_path: Path) -> None:
+    (tmp_path / "bold.pl").write_text(
+        ":- ensure_loaded('highway.pl').\n:- abolish(obstacle/4).\nobstacle(_, _, _, _) :- fail.\n"
+    )
+    (found,) = stressed(tmp_path / "bold.pl", ["highway-test"], 24, 3, jobs=1, tier="numpy")
+    assert not found.clean
+    assert len(found.bad) + found.unexplained == found.counts["contacts_at_fault"] > 0
+    assert found.bad
+    offered = Shield.from_files([tmp_path / "bold.pl"])
+    for one in found.bad:
+        assert one.side in {action.atom.split("_")[0] for action in offered.decide(one.scene).safe_actions}
+
+
+def test_a_counterexample_says_which_lane_change_breaks_a_property(tmp_path: Path) -> None:
+    """Only a change to the right is offered with a vehicle alongside there."""
+    rules = tmp_path / "right.pl"
+    rules.write_text(
+        ":- ensure_loaded('highway.pl').\n:- abolish(objection/2).\n"
+        "objection(A, changing_lanes) :- lane_change(A, _), \\+ settled.\n"
+        "objection(A, no_lane) :- lane_change(A, S), \\+ side_lane(S, _).\n"
+        "objection(left_lane_change, too_close(C, G, N)) :- obstacle(left, C, G, N).\n"
+    )
+    (result,) = examined(rules, (), ["nobody_alongside"], jobs=1)
+    assert result.status == "refuted"
+    found = list(broken_by(rules, (), result))
+    assert [(one.side, one.origin) for one in found] == [("right", "property nobody_alongside")]
+
+
+def test_a_property_that_no_clause_can_meet_is_told(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    properties = tmp_path / "mine.properties.pl"
+    properties.write_text(
+        ":- ensure_loaded('properties.pl').\n"
+        "property(never_slow, 'the target speed is never below 10 m/s').\n"
+        "violates(never_slow) :- longitudinal_velocity(V), V < 10.0.\n"
+    )
+    request = replace(REQUEST, must=("never_slow",), properties=(properties,))
+    with pytest.raises(UserError, match="--must never_slow: it is refuted, but not by the offer"):
+        learn(tmp_path / "learnt.pl", Trouble(0, examples), monkeypatch, request)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["--clauses", "0"], "--clauses 0: expected 1 or more"),
+        (["--literals", "0"], "--literals 0: expected 1 or more"),
+        (["--bias", "highway.pl"], "highway.pl declares nothing to learn from"),
+        (["--must", "nobody_knows"], "there is no property nobody_knows"),
+        (["no-such-recording"], "no-such-recording"),
+    ],
+)
+def test_wrong_arguments_are_one_line(
+    arguments: list[str], why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "learnt.pl"
+    assert command(["rules", "learn", *arguments, "--out", str(out), "--changes", "30", "--jobs", "1"]) == 2
+    assert why in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_result_is_read_back_as_it_was(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, _ = learn(tmp_path / "learnt.pl", Trouble(1, examples), monkeypatch)
+    for one in result.rounds:
+        assert type(one).of_json(json.loads(json.dumps(one.as_json())), "round") == one
