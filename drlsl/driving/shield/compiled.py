@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from drlsl.driving.scene import (
     SCHEMA,
@@ -262,3 +263,8 @@ def _misfit(state: Sym, observation: ObservationSpace) -> str:
         if not (isinstance(item, int | float) or (isinstance(item, Node) and item.kind in _NUMBERS)):
             return f"no number as {name}"
     return ""
+
+
+def _floats(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Return numbers as floats, in C order."""
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -77,11 +77,6 @@ class SceneProgram:
         return Rows(columns, np.arange(most) < np.array([[len(rows)] for rows in tables]))
 
 
-def _floats(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Return numbers as floats, in C order."""
-    return np.ascontiguousarray(values, dtype=np.float64)
-
-
 def _numpy(values: Any) -> npt.NDArray[Any]:
     """Return values as a NumPy array, from whatever device they are on."""
     return np.asarray(values.cpu())
