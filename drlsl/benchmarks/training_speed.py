@@ -6,6 +6,7 @@ import statistics
 from collections import Counter
 from collections.abc import Callable, Mapping
 from time import perf_counter_ns
+from types import MappingProxyType
 from typing import Any, Final
 
 import gymnasium
@@ -13,6 +14,7 @@ import numpy as np
 
 from drlsl import driving
 from drlsl.learning import (
+    Replay,
     TrainConfig,
     Trainer,
     VectorHighway,
@@ -37,26 +39,29 @@ Turn = Callable[[], int]
 """Makes about `UPDATES` updates and returns their number."""
 
 
-def training_speeds(runs: int, num_envs: int) -> dict[str, Any]:
+def training_speeds(
+    runs: int, num_envs: int, settings: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
     """Return updates a second on one CPU thread with preset paper: medians of `runs` runs in turn.
 
-    `updates_per_s`: training with dqnsl as a whole, `num_envs` environments, one update per step.
-    `bare_updates_per_s`: the same update on a ready minibatch, without environment, replay memory and acting.
-    `ratio`: of the former to the latter. `module_updates_per_s`: bare updates of the same network as a plain
+    `settings`: those that differ from the preset. `updates_per_s`: training with dqnsl as a whole, `num_envs`
+    environments, one update per step, the replay memory full; `updates_per_s_at_first`: while there are few
+    transitions, which are drawn often. `bare_updates_per_s`: the same update on a ready minibatch,
+    without environment, replay memory, kept targets and acting.
+    `ratio`: of `updates_per_s` to it. `module_updates_per_s`: bare updates of the same network as a plain
     module, by autograd; `module_ratio`: the ratio of their times. `stable_baselines3_updates_per_s`: its DQN,
     if installed, with the same network, batch, optimiser and number of updates per step, in as many
     environments, whose shield replaces its unsafe actions.
     """
-    config = make_config(
-        merged(preset_values("paper"), {"num_envs": num_envs, "device": "cpu", "episodes": 10_000_000}),
-        "benchmark",
-    )
+    fixed = {"num_envs": num_envs, "device": "cpu", "episodes": 10_000_000}
+    config = make_config(merged(merged(preset_values("paper"), settings), fixed), "benchmark")
     env = make_training_env(config)
     module = make_config(merged(config.model_dump(), {"network": {"factory": PLAIN}}), "benchmark")
     kinds = {
         "bare_updates_per_s": _bare(env, config),
         "module_updates_per_s": _bare(env, module),
-        "updates_per_s": _training(env, config),
+        "updates_per_s_at_first": _training(config, full=False),
+        "updates_per_s": _training(config, full=True),
     }
     if importlib.util.find_spec("stable_baselines3"):
         kinds["stable_baselines3_updates_per_s"] = _stable_baselines3(config)
@@ -88,17 +93,7 @@ def _run(kinds: Mapping[str, Turn]) -> dict[str, float]:
 
 def _bare(env: VectorHighway, config: TrainConfig) -> Turn:
     agent, replay = make_learner(env.single_observation_space, env.single_action_space, config)
-    size, count = space_sizes(env.single_observation_space, env.single_action_space)
-    rng, rows = np.random.default_rng(0), config.learning.batch_size
-    # Random transitions: the time of an update does not depend on their values.
-    replay.add(
-        observations=rng.random((rows, size), np.float32),
-        actions=rng.integers(count, size=rows),
-        rewards=rng.random(rows),
-        next_observations=rng.random((rows, size), np.float32),
-        terminated=np.zeros(rows, np.bool_),
-        next_masks=np.ones((rows, count), np.bool_),
-    )
+    _add_transitions(env, replay, config.learning.batch_size)
     (batch,) = replay.sample(1).batches
 
     def turn() -> int:
@@ -109,8 +104,11 @@ def _bare(env: VectorHighway, config: TrainConfig) -> Turn:
     return turn
 
 
-def _training(env: VectorHighway, config: TrainConfig) -> Turn:
+def _training(config: TrainConfig, *, full: bool) -> Turn:
+    env = make_training_env(config)
     trainer = Trainer(env, config)
+    if full:
+        _add_transitions(env, trainer.replay, config.learning.replay_capacity)
     events = trainer.run()
 
     def turn() -> int:
@@ -120,6 +118,20 @@ def _training(env: VectorHighway, config: TrainConfig) -> Turn:
         return trainer.agent.updates - before
 
     return turn
+
+
+def _add_transitions(env: VectorHighway, replay: Replay, rows: int) -> None:
+    """Add random transitions: the time of an update does not depend on their values."""
+    size, count = space_sizes(env.single_observation_space, env.single_action_space)
+    rng = np.random.default_rng(0)
+    replay.add(
+        observations=rng.random((rows, size), np.float32),
+        actions=rng.integers(count, size=rows),
+        rewards=rng.random(rows),
+        next_observations=rng.random((rows, size), np.float32),
+        terminated=np.zeros(rows, np.bool_),
+        next_masks=np.ones((rows, count), np.bool_),
+    )
 
 
 def _stable_baselines3(config: TrainConfig) -> Turn:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from drlsl.cli.options import AsJson
+from drlsl.cli.options import AsJson, given_settings
 
 app = typer.Typer(help="Measure speeds, medians of several runs.", no_args_is_help=True)
 
@@ -130,17 +130,22 @@ def rules(runs: Runs = 5, as_json: AsJson = False) -> None:
 def train(
     runs: Runs = 5,
     num_envs: Annotated[int, typer.Option(min=1, help="Environments driven in step.")] = 16,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="A setting of the training; may be repeated."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure training in updates a second, beside its bare updates and Stable-Baselines3 if installed.
 
     There is one update per step. Training is measured as a whole: environments, rules, acting and replay
-    memory. The bare update has its minibatch ready; it is also measured with the same network as a plain
-    PyTorch module.
+    memory, once that is full and at first. The bare update has its minibatch ready; it is also measured
+    with the same network as a plain PyTorch module. Settings are those of preset paper.
     """
     from drlsl.benchmarks import training_speeds
 
-    speeds = training_speeds(runs, num_envs)
+    given = given_settings(settings or [], {}, "learning.precision=bfloat16")
+    speeds = training_speeds(runs, num_envs, given)
     if as_json:
         print(json.dumps(speeds, indent=2))
         return
@@ -149,6 +154,7 @@ def train(
     print(f"  as a plain module      {speeds['module_updates_per_s']:8.1f}", end="")
     print(f"   takes {speeds['module_ratio']:.2f} times as long")
     print(f"  training, dqnsl        {speeds['updates_per_s']:8.1f}   {speeds['ratio']:.3f} of bare")
+    print(f"  training, at first     {speeds['updates_per_s_at_first']:8.1f}")
     if "stable_baselines3_updates_per_s" in speeds:
         other, ratio = speeds["stable_baselines3_updates_per_s"], speeds["stable_baselines3_ratio"]
         print(f"  Stable-Baselines3 DQN  {other:8.1f}   training is {ratio:.2f} times as fast")

@@ -173,7 +173,9 @@ def _train(session: Session) -> None:
     console = Console()
     root, config = session.folder.root, session.folder.config
     verb = "resume" if session.trainer.total_steps else "start"
-    typer.echo(f"{verb} {root}: {config.method}, {', '.join(config.env.recordings)}, seed {config.seed}")
+    precision = session.trainer.agent.precision
+    how = "" if config.learning.precision == "float32" else f", learns in {precision}"
+    typer.echo(f"{verb} {root}: {config.method}, {', '.join(config.env.recordings)}, seed {config.seed}{how}")
     shown = shlex.quote(str(root))
     with stop_on_signal(console.print) as stop:
         finished = _run(session, console, stop)

@@ -22,6 +22,7 @@ from .masked_ppo import require_masked_ppo, train_masked_ppo
 from .network_factory import factory_file
 from .onnx_export import export_onnx
 from .overview import RunOverview, differing_settings, find_runs, overview_of
+from .replay import Replay
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, MODEL, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
 from .totals import Totals, time_saved, times_of
@@ -39,6 +40,7 @@ __all__ = [
     "Kind",
     "NetworkConfig",
     "PpoConfig",
+    "Replay",
     "RunFolder",
     "RunOverview",
     "Session",

@@ -24,6 +24,7 @@ from drlsl.files import YamlFile, parse_yaml, read_yaml, shown, to_yaml
 Method = Literal["dqn", "mpsdqn", "dqnsl"]
 Bootstrap = Literal["all", "safe"]
 Device = Literal["auto", "cpu", "cuda"]
+Precision = Literal["float32", "bfloat16"]
 OFFERS: Mapping[Method, tuple[str, ...]] = {
     "dqn": ("rules", "all"),
     "mpsdqn": ("prediction",),
@@ -124,6 +125,18 @@ class LearningConfig(Section):
         default="safe",
         description="Actions that the target's maximum runs over: all, as in Algorithm 1, "
         "or those that are offered in the next state (safe).",
+    )
+
+    precision: Literal[Precision, "auto"] = Field(
+        default="float32",
+        description="Type of the numbers that learning multiplies between hidden layers; weights and acting "
+        "are of float32 in any case. auto: bfloat16 where the processor multiplies that faster.",
+    )
+
+    overlap: bool = Field(
+        default=False,
+        description="Learn in a second thread while the environments drive, for two processors; an action "
+        "then rests on weights without the updates of the step before.",
     )
 
     @model_validator(mode="after")

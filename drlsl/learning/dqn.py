@@ -9,9 +9,10 @@ import torch
 from numpy.typing import NDArray
 
 from drlsl.driving.drivers import Choice, most_wanted
-from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig
+from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, Precision
 from drlsl.learning.divergence import DivergedError, check_values
 from drlsl.learning.network import Policy, make_networks
+from drlsl.learning.precision import faster_precision
 from drlsl.learning.replay import Batch, Replay, Sample
 
 FEW: Final = 8
@@ -86,11 +87,22 @@ class DqnAgent:
         self._rng = rng
         self._generator = generator
         self.network, self._target = make_networks(network, observation_size, action_count, generator, device)
+        self._learn_in(
+            faster_precision(network, learning.batch_size, device)
+            if learning.precision == "auto"
+            else learning.precision
+        )
         self._optimiser = self.network.optimiser()
         self.policy = Policy(self.network, device, network.window)
         # On a GPU a target that was kept would have to be sent there, at each update.
         self._steady = self.network.steady and device.type == "cpu"
         self.updates = 0
+
+    def _learn_in(self, precision: Precision) -> None:
+        self.precision: Precision = precision
+        """The precision of products in learning."""
+        for network in (self.network, self._target):
+            network.learn_in(precision)
 
     @property
     def learning_rate(self) -> float:
@@ -147,7 +159,7 @@ class DqnAgent:
         """Return the targets of transitions by the target network of now. Shape: (B,)."""
         # In equal pieces of about a minibatch, whose values stay in the processor's cache.
         pieces = rows.next_observations.tensor_split(-(-len(rows.actions) // self._learning.batch_size))
-        next_values = torch.cat([self._target.values(piece) for piece in pieces])
+        next_values = torch.cat([self._target.next_values(piece) for piece in pieces])
         return td_targets(next_values, rows, self._learning.discount, self._learning.bootstrap)
 
     @torch.inference_mode()
@@ -174,12 +186,13 @@ class DqnAgent:
         return value
 
     def get_state(self) -> dict[str, Any]:
-        """Return weights, optimiser, counter and generator, in plain types and tensors."""
+        """Return weights, optimiser, counter, precision and generator, in plain types and tensors."""
         return {
             "network": self.network.get_state(),
             "target": self._target.get_state(),
             "optimiser": self._optimiser.get_state(),
             "updates": self.updates,
+            "precision": self.precision,
             "rng": self._rng.bit_generator.state,
             "noise": self._generator.get_state(),
         }
@@ -194,5 +207,7 @@ class DqnAgent:
         self._target.set_state(state["target"])
         self._optimiser.set_state(state["optimiser"])
         self.updates = state["updates"]
+        # What auto was when the training began; there was float32 alone when files did not tell.
+        self._learn_in(state.get("precision", "float32"))
         self._rng.bit_generator.state = state["rng"]
         self._generator.set_state(state["noise"])

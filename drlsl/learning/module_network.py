@@ -10,6 +10,7 @@ from torch import nn
 from drlsl.errors import UserError
 from drlsl.files import users_code
 from drlsl.learning.adam import ModuleAdam
+from drlsl.learning.config import Precision
 
 ROWS: Final = (1, 3)
 """Number of observations that a module is tested with before training."""
@@ -75,6 +76,7 @@ class ModuleNetwork:
         self._stream = stream
         self._noise = _parts_with_noise(module)
         self._drawn = False
+        self._precision: Precision = "float32"
 
     @property
     def noisy(self) -> bool:
@@ -97,6 +99,10 @@ class ModuleNetwork:
         """Make the optimiser of this network."""
         return ModuleAdam(self._parameters)
 
+    def learn_in(self, precision: Precision) -> None:
+        """Choose the precision of its products in learning, by PyTorch's autocast."""
+        self._precision = precision
+
     def draw_noise(self) -> None:
         """Draw the noise of the parts that have it."""
         if self._noise:
@@ -107,9 +113,14 @@ class ModuleNetwork:
             self._drawn = True
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return Q-values, to act by or to learn from. Shape: (B, S) to (B, A)."""
+        """Return Q-values to act by. Shape: (B, S) to (B, A)."""
         self._set_mode(training=self._drawn)
         return self._run(observations, learning=False)
+
+    def next_values(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return Q-values to learn from, in the precision of learning. Shape: (B, S) to (B, A)."""
+        self._set_mode(training=self._drawn)
+        return self._run(observations, learning=False, precision=self._precision)
 
     def as_module(self) -> nn.Module:
         """Return the module, in the mode of evaluation and on the processor, for rows of observations."""
@@ -119,7 +130,7 @@ class ModuleNetwork:
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
         """Return the Q-values, from which `backward` starts. Shape: (B, S) to (B, A)."""
         self._set_mode(training=True)
-        return [self._run(observations, learning=True)]
+        return [self._run(observations, learning=True, precision=self._precision)]
 
     def backward(
         self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
@@ -170,10 +181,14 @@ class ModuleNetwork:
         if self.module.training != training:
             self.module.train(training)
 
-    def _run(self, observations: torch.Tensor, *, learning: bool) -> torch.Tensor:
+    def _run(
+        self, observations: torch.Tensor, *, learning: bool, precision: Precision = "float32"
+    ) -> torch.Tensor:
+        kind = observations.device.type
+        rounding = torch.autocast(kind, torch.bfloat16, enabled=precision == "bfloat16")
         # Tensors that a module keeps from a pass in inference mode would be useless to autograd.
-        with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream:
-            return self._called(observations)
+        with torch.inference_mode(False), torch.set_grad_enabled(learning), self._stream, rounding:
+            return self._called(observations).float()
 
     def _called(self, observations: torch.Tensor) -> torch.Tensor:
         with users_code(f"{self._name}: its forward pass fails"):

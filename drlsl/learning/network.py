@@ -18,7 +18,7 @@ from drlsl.errors import UserError
 from drlsl.learning import architectures
 from drlsl.learning.adam import Adam, Optimiser
 from drlsl.learning.architectures import SPREAD
-from drlsl.learning.config import NetworkConfig
+from drlsl.learning.config import NetworkConfig, Precision
 from drlsl.learning.divergence import check_values
 from drlsl.learning.module_network import ModuleNetwork, RandomStream, checked_module
 from drlsl.learning.network_factory import call_factory
@@ -34,11 +34,17 @@ class Network(Protocol):
     def optimiser(self) -> Optimiser:
         """Make the optimiser of this network."""
 
+    def learn_in(self, precision: Precision) -> None:
+        """Choose the precision of its products in learning, which is float32 to begin with."""
+
     def draw_noise(self) -> None:
         """Draw the noise of the weights anew, if there is any."""
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return Q-values. Shape: (B, S) to (B, A)."""
+        """Return Q-values to act by. Shape: (B, S) to (B, A)."""
+
+    def next_values(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return Q-values to learn from, in the precision of learning. Shape: (B, S) to (B, A)."""
 
     def as_module(self) -> nn.Module:
         """Return a module with the same values. Shape: (B, S) to (B, A)."""
@@ -72,15 +78,38 @@ class Layer(NamedTuple):
     bias: torch.Tensor  # Shape: (outputs,)
 
     def __call__(self, values: torch.Tensor) -> torch.Tensor:
-        """Apply the layer. Shape: (B, inputs) to (B, outputs)."""
-        return torch.addmm(self.bias, values, self.weight)
+        """Apply the layer, in the type of its weights. Shape: (B, inputs) to (B, outputs)."""
+        return torch.addmm(self.bias, values.to(self.weight.dtype), self.weight)
+
+
+class _InnerLayers:
+    """The layers between hidden ones, and their gradient, rounded to bfloat16."""
+
+    def __init__(self, sizes: Sequence[int], parameters: torch.Tensor, gradient: torch.Tensor) -> None:
+        first, last = sizes[:2], sizes[-2:]
+        inner = slice(_count(first), len(parameters) - _count(last))
+        self._parameters, self._gradient = parameters[inner], gradient[inner]
+        self._rounded = self._parameters.bfloat16()
+        self._rounded_gradient = self._gradient.bfloat16()
+        self.layers = tuple(_layers(sizes[1:-1], self._rounded))
+        self.slopes = tuple(_layers(sizes[1:-1], self._rounded_gradient))
+
+    def round_weights(self) -> None:
+        """Make the layers those of the parameters of now."""
+        self._rounded.copy_(self._parameters)
+
+    def write_gradient(self) -> None:
+        """Write their gradient into the network's."""
+        self._gradient.copy_(self._rounded_gradient)
 
 
 class QNetwork:
     """Fully connected layers with ReLU between them, their parameters in one vector.
 
     With one vector, the optimiser and the copy into the target network are one call each. Autograd is not
-    used: `backward` writes the gradient into `gradient`, laid out as the parameters.
+    used: `backward` writes the gradient into `gradient`, laid out as the parameters. Learning in bfloat16,
+    the layers between hidden ones take and give numbers of that type, rounded from the parameters, which stay
+    of float32.
 
     Source: section "Network and Hyperparameters" (256-256-3).
     """
@@ -96,17 +125,26 @@ class QNetwork:
         device: torch.device,
     ) -> None:
         self.sizes = (observation_size, *hidden, action_count)
-        count = sum(inputs * outputs + outputs for inputs, outputs in itertools.pairwise(self.sizes))
-        self.parameters = torch.zeros(count, device=device)
-        self.gradient = torch.zeros(count, device=device)
-        self.layers = tuple(_layers(self.sizes, self.parameters))
-        self._slopes = tuple(_layers(self.sizes, self.gradient))
+        self.parameters = torch.zeros(_count(self.sizes), device=device)
+        self.gradient = torch.zeros_like(self.parameters)
+        self.layers = self._used = tuple(_layers(self.sizes, self.parameters))
+        self._whole_slopes = self._slopes = tuple(_layers(self.sizes, self.gradient))
+        self._inner: _InnerLayers | None = None
+        self._weights, self._weights_gradient = self.parameters, self.gradient
         for layer in self.layers:
             _draw(layer, generator)
 
     def optimiser(self) -> Adam:
         """Make the optimiser of this network."""
         return Adam(self.parameters, self.gradient)
+
+    def learn_in(self, precision: Precision) -> None:
+        """Choose the precision of its products in learning; without layers between hidden ones, float32."""
+        self._inner, self._used, self._slopes = None, self.layers, self._whole_slopes
+        if precision == "bfloat16" and len(self.layers) > 2:
+            self._inner = inner = _InnerLayers(self.sizes, self._weights, self._weights_gradient)
+            self._used = (self.layers[0], *inner.layers, self.layers[-1])
+            self._slopes = (self._slopes[0], *inner.slopes, self._slopes[-1])
 
     def draw_noise(self) -> None:
         """Do nothing: there is no noise in these weights."""
@@ -116,7 +154,11 @@ class QNetwork:
         self.parameters.copy_(other.parameters)
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return Q-values. Shape: (B, S) to (B, A)."""
+        """Return Q-values to act by. Shape: (B, S) to (B, A)."""
+        return _outputs(self.layers, observations)[-1]
+
+    def next_values(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return Q-values to learn from, in the precision of learning. Shape: (B, S) to (B, A)."""
         return self.forward(observations)[-1]
 
     def as_module(self) -> nn.Module:
@@ -133,12 +175,9 @@ class QNetwork:
 
         Shape: (B, S) to (B, width) for each layer, (B, A) for the last.
         """
-        outputs = []
-        values = observations
-        for layer in self.layers[:-1]:
-            values = layer(values).relu_()
-            outputs.append(values)
-        return [*outputs, self.layers[-1](values)]
+        if self._inner is not None:
+            self._inner.round_weights()
+        return _outputs(self._used, observations)
 
     def backward(
         self,
@@ -156,13 +195,16 @@ class QNetwork:
             outputs: its result.
             slopes: the loss's derivative with respect to each Q-value. Shape: (B, A).
         """
-        for index in reversed(range(len(self.layers))):
-            inputs = outputs[index - 1] if index else observations
+        for index, layer in reversed(list(enumerate(self._used))):
+            kind = layer.weight.dtype
+            inputs, slopes = (outputs[index - 1] if index else observations).to(kind), slopes.to(kind)
             torch.mm(inputs.t(), slopes, out=self._slopes[index].weight)
             torch.sum(slopes, 0, out=self._slopes[index].bias)
             if index:
                 # ReLU's derivative: 1 where its output is more than 0, else 0.
-                slopes = torch.mm(slopes, self.layers[index].weight.t()).mul_(inputs.sign())
+                slopes = torch.mm(slopes, layer.weight.t()).mul_(inputs.sign())
+        if self._inner is not None:
+            self._inner.write_gradient()
 
     def get_state(self) -> dict[str, torch.Tensor]:
         """Return the parameters by layer, named and laid out as in PyTorch's Linear."""
@@ -200,7 +242,6 @@ class NoisyQNetwork(QNetwork):
     ) -> None:
         super().__init__(observation_size, hidden, action_count, generator, device)
         self._generator = generator
-        self._weights, self._weights_gradient = self.parameters, self.gradient
         count = len(self._weights)
         self.parameters, self.gradient = torch.zeros(2, 2 * count, device=device)
         self._mean, self._spread = torch.split(self.parameters, count)
@@ -318,6 +359,21 @@ def _check(mine: Mapping[str, torch.Tensor], theirs: Mapping[str, Any]) -> None:
     found = {name: tuple(getattr(value, "shape", ())) for name, value in theirs.items()}
     if expected != found:
         raise ValueError(f"the weights do not fit the network: found {found}, expected {expected}")
+
+
+def _outputs(layers: Sequence[Layer], observations: torch.Tensor) -> list[torch.Tensor]:
+    """Return the output of each layer, hidden ones after their ReLU."""
+    outputs = []
+    values = observations
+    for layer in layers[:-1]:
+        values = layer(values).relu_()
+        outputs.append(values)
+    return [*outputs, layers[-1](values)]
+
+
+def _count(sizes: Sequence[int]) -> int:
+    """Return the number of parameters of layers."""
+    return sum(inputs * outputs + outputs for inputs, outputs in itertools.pairwise(sizes))
 
 
 def _layers(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:

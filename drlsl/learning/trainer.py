@@ -1,6 +1,7 @@
 """The run loop: acting, storing and learning, as a stream of events."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from drlsl.errors import UserError
 from drlsl.learning.config import Device, TrainConfig
 from drlsl.learning.dqn import DqnAgent
 from drlsl.learning.episode import ACTION_FILTERS, EpisodeSummary
-from drlsl.learning.fleet import Fleet, VectorHighway, space_sizes
+from drlsl.learning.fleet import Actions, Fleet, Outcome, VectorHighway, space_sizes
 from drlsl.learning.replay import Replay
 from drlsl.learning.schedule import epsilon_schedule, learning_rate_schedule
 
@@ -47,7 +48,8 @@ class Trainer:
     """Trains an agent in N environments: one update for every step of every environment.
 
     With one environment this is the paper's loop. With N, the N transitions of a step are followed by N
-    updates, and acting is one pass through the network.
+    updates, and acting is one pass through the network. With `learning.overlap` these updates are made while
+    the environments drive the next step; those of the last step are left out.
     """
 
     def __init__(self, env: VectorHighway, config: TrainConfig) -> None:
@@ -56,10 +58,13 @@ class Trainer:
         self._learning_rate = learning_rate_schedule(config)
         self._epsilon = epsilon_schedule(config)
         self._fleet = Fleet(env, episodes=config.episodes, seed=config.seed, window=config.network.window)
-        self.agent, self._replay = make_learner(env.single_observation_space, env.single_action_space, config)
+        self.agent, self.replay = make_learner(env.single_observation_space, env.single_action_space, config)
         self.observes = env.observation_names
         """The names of the numbers that the agent observes."""
         self.total_steps = 0
+        self._beside = _thread_of_its_own(config.threads) if config.learning.overlap else None
+        self._due = 0
+        """Updates that are to be made while the environments drive the next step."""
 
     @property
     def finished(self) -> int:
@@ -93,8 +98,8 @@ class Trainer:
         offered = self._offered(safe)
         actions, preferred = agent.act(observations, offered, epsilon)
         intervened = ~np.take_along_axis(safe, preferred[:, None], axis=1)[:, 0]
-        outcome = fleet.step(actions)
-        self._replay.add(
+        outcome, losses = self._drive(actions)
+        self.replay.add(
             observations[rows],
             actions[rows],
             outcome.rewards[rows],
@@ -103,7 +108,10 @@ class Trainer:
             self._offered(fleet.safe[rows]),
         )
         driven = len(actions[rows])
-        losses = self._learn(driven)
+        if self._beside is None:
+            losses = self._learn(driven)
+        else:
+            self._due = driven
         self.total_steps += driven
         over = fleet.count(outcome, offered, intervened, losses)
         ended = [
@@ -121,18 +129,30 @@ class Trainer:
         ]
         return StepEvent(self.total_steps, losses, ended)
 
+    def _drive(self, actions: Actions) -> tuple[Outcome, list[float]]:
+        """Drive a step, and make the updates that are due beside it; return their losses, too."""
+        if self._beside is None:
+            return self._fleet.step(actions), []
+        learning = self._beside.submit(self._learn, self._due)
+        try:
+            outcome = self._fleet.step(actions)
+        finally:
+            losses = learning.result()
+        return outcome, losses
+
     def _learn(self, updates: int) -> list[float]:
-        if len(self._replay) < self._config.learning.learning_starts:
+        if len(self.replay) < self._config.learning.learning_starts:
             return []
-        return self.agent.learn(self._replay, updates)
+        return self.agent.learn(self.replay, updates)
 
     def get_state(self) -> dict[str, Any]:
         """Return all that the next step depends on."""
         return {
             "total_steps": self.total_steps,
+            "due": self._due,
             "fleet": self._fleet.get_state(),
             "agent": self.agent.get_state(),
-            "replay": self._replay.get_state(),
+            "replay": self.replay.get_state(),
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -142,10 +162,15 @@ class Trainer:
             UserError: the rules or the recording have changed.
             ValueError: the state belongs to another network.
         """
-        self.total_steps = state["total_steps"]
+        self.total_steps, self._due = state["total_steps"], state.get("due", 0)
         self._fleet.set_state(state["fleet"])
         self.agent.set_state(state["agent"])
-        self._replay.set_state(state["replay"])
+        self.replay.set_state(state["replay"])
+
+
+def _thread_of_its_own(threads: int) -> ThreadPoolExecutor:
+    """Return a thread in which PyTorch uses as many threads as it does here."""
+    return ThreadPoolExecutor(1, "learner", torch.set_num_threads, (threads,))
 
 
 def make_learner(

@@ -9,7 +9,7 @@ from drlsl.cli import run
 pytestmark = pytest.mark.usefixtures("fake_driving")
 
 KEYS = {"num_envs", "batch_size", "runs", "updates_per_s", "bare_updates_per_s", "ratio"}
-KEYS |= {"module_updates_per_s", "module_ratio"}
+KEYS |= {"updates_per_s_at_first", "module_updates_per_s", "module_ratio"}
 THEIRS = {"stable_baselines3_updates_per_s", "stable_baselines3_ratio"}
 
 
@@ -39,6 +39,17 @@ def test_it_prints_a_few_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert "of bare" in out
     assert "as a plain module" in out
     assert "Stable" not in out
+
+
+def test_settings_are_those_of_the_training(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without_stable_baselines3(monkeypatch)
+    settings = ["--set", "learning.precision=bfloat16", "--set", "learning.batch_size=64"]
+    assert run(["bench", "train", "--runs", "1", "--num-envs", "2", *settings, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["batch_size"] == 64
+    assert run(["bench", "train", "--set", "learning.precision=float8"]) == 2
+    assert "learning.precision" in capsys.readouterr().err
 
 
 def test_stable_baselines3_is_measured_where_it_is() -> None:

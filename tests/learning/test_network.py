@@ -66,6 +66,62 @@ def test_the_gradient_is_autograds(sizes: list[int], rows: int, seed: int) -> No
         torch.testing.assert_close(mine.bias, module.bias.grad, rtol=1e-5, atol=1e-6)
 
 
+def rounded(layer: nn.Linear, values: torch.Tensor) -> torch.Tensor:
+    """A layer in bfloat16, as PyTorch's own casts make it."""
+    low = nn.functional.linear(values.bfloat16(), layer.weight.bfloat16(), layer.bias.bfloat16())
+    return low.relu().float()
+
+
+@given(
+    sizes=st.lists(st.integers(1, 40), min_size=4, max_size=6),
+    rows=st.integers(1, 40),
+    seed=st.integers(0, 99),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_gradient_in_bfloat16_is_autograds_through_the_same_roundings(
+    sizes: list[int], rows: int, seed: int
+) -> None:
+    source, plain = network(seed, sizes), reference(network(seed, sizes))
+    source.learn_in("bfloat16")
+    generator = torch.Generator().manual_seed(seed)
+    observations = torch.rand(rows, sizes[0], generator=generator)
+    slopes = torch.randn(rows, sizes[-1], generator=generator)
+    outputs = source.forward(observations)
+    source.gradient.fill_(torch.nan)
+    source.backward(observations, outputs, slopes)
+    first, *inner, last = linear_layers(plain)
+    values = first(observations).relu()
+    for layer in inner:
+        values = rounded(layer, values)
+    values = last(values)
+    values.backward(slopes)
+    torch.testing.assert_close(outputs[-1], values.detach(), rtol=1e-2, atol=1e-2)
+    assert source.gradient.dtype == torch.float32
+    assert source.gradient.isfinite().all()
+    for mine, module in zip(layers_of(source, source.gradient), linear_layers(plain), strict=True):
+        scale = float(slopes.abs().sum())
+        torch.testing.assert_close(mine.weight.t(), module.weight.grad, rtol=2e-2, atol=2e-3 * scale)
+        torch.testing.assert_close(mine.bias, module.bias.grad, rtol=2e-2, atol=2e-3 * scale)
+
+
+@given(seed=st.integers(0, 99), noisy=st.booleans())
+@settings(max_examples=20, deadline=None)
+def test_a_network_that_learns_in_bfloat16_acts_in_float32(seed: int, noisy: bool) -> None:
+    kind = NoisyQNetwork if noisy else QNetwork
+    low, high = (kind(10, (32, 32), 3, torch.Generator().manual_seed(seed), CPU) for _ in range(2))
+    low.learn_in("bfloat16")
+    observations = torch.rand(9, 10, generator=torch.Generator().manual_seed(seed))
+    for one in (low, high):
+        one.draw_noise()
+    assert torch.equal(low.values(observations), high.values(observations))
+    assert not torch.equal(low.next_values(observations), high.next_values(observations))
+    torch.testing.assert_close(
+        low.next_values(observations), high.next_values(observations), rtol=0.05, atol=0.02
+    )
+    low.learn_in("float32")
+    assert torch.equal(low.next_values(observations), high.next_values(observations))
+
+
 @given(sizes=SIZES)
 @settings(max_examples=20, deadline=None)
 def test_the_layers_share_the_vector_out(sizes: list[int]) -> None:

@@ -86,19 +86,19 @@ def test_targets_are_computed_once_for_each_target_network(monkeypatch: pytest.M
     agent, replay = learner(50, 1_000, 10)
     replay.add(**transitions(np.random.default_rng(0), 100))
     computed = []
-    values = agent._target.values
+    values = agent._target.next_values
 
     def counted(observations: torch.Tensor) -> torch.Tensor:
         computed.append(len(observations))
         return values(observations)
 
-    monkeypatch.setattr(agent._target, "values", counted)
+    monkeypatch.setattr(agent._target, "next_values", counted)
     agent.learn(replay, 10)
     first = sum(computed)
     for _ in range(4):
         agent.learn(replay, 10)
     # Those that are drawn for the first time later: a few in a hundred.
-    assert first <= 160
+    assert 60 < first <= 160
     assert sum(computed) - first < 100
     computed.clear()
     agent.learn(replay, 10)

@@ -1,4 +1,5 @@
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,6 +14,8 @@ from drlsl.driving.simulation import TERMS
 from drlsl.errors import UserError
 from drlsl.learning import Trainer, make_learner
 from drlsl.learning.config import TrainConfig, make_config, merged
+from drlsl.learning.divergence import DivergedError
+from drlsl.learning.dqn import DqnAgent
 from drlsl.learning.episode import TRAINING_STREAM, EpisodeSummary, episode_seed
 from drlsl.learning.trainer import EpisodeEvent, resolve_device
 
@@ -176,10 +179,23 @@ def test_episodes_are_seeded_in_the_order_they_begin(tiny_config: TrainConfig, n
     assert all(given.count(seed) == 1 for seed in expected)
 
 
-@given(num_envs=st.integers(1, 5), stop_after=st.integers(0, 60), noisy=st.booleans())
-@settings(max_examples=25, deadline=None)
-def test_a_state_between_two_steps_goes_on_bit_for_bit(num_envs: int, stop_after: int, noisy: bool) -> None:
-    config = changed(small_config(), num_envs=num_envs, network={"hidden": [16], "noisy": noisy})
+@given(
+    num_envs=st.integers(1, 5),
+    stop_after=st.integers(0, 60),
+    noisy=st.booleans(),
+    precision=st.sampled_from(["float32", "bfloat16"]),
+    overlap=st.booleans(),
+)
+@settings(max_examples=40, deadline=None)
+def test_a_state_between_two_steps_goes_on_bit_for_bit(
+    num_envs: int, stop_after: int, noisy: bool, precision: str, overlap: bool
+) -> None:
+    config = changed(
+        small_config(),
+        num_envs=num_envs,
+        network={"hidden": [16, 16], "noisy": noisy},
+        learning={"precision": precision, "overlap": overlap},
+    )
     whole, stopped, resumed = trained(config), trained(config), trained(config)
     events = list(whole.run())
     for _ in zip(range(stop_after), stopped.run(), strict=False):
@@ -194,6 +210,47 @@ def test_a_state_between_two_steps_goes_on_bit_for_bit(num_envs: int, stop_after
     assert again == ended[len(ended) - len(again) :]
     assert torch.equal(plain(whole.agent.network).parameters, plain(resumed.agent.network).parameters)
     assert torch.equal(plain(whole.agent.network).parameters, plain(stopped.agent.network).parameters)
+
+
+@pytest.mark.parametrize("num_envs", [1, 3])
+def test_with_overlap_the_updates_of_a_step_follow_one_step_later(
+    tiny_config: TrainConfig, num_envs: int
+) -> None:
+    config = changed(tiny_config, num_envs=num_envs, learning={"overlap": True})
+    events = list(trained(config).run())
+    steps = [0, *(event.total_steps for event in events)]
+    held = config.learning.learning_starts
+    due = [after - before if after >= held else 0 for before, after in itertools.pairwise(steps)]
+    assert [len(event.losses) for event in events] == [0, *due[:-1]]
+
+
+def test_with_overlap_an_action_rests_on_the_weights_before_the_updates(
+    tiny_config: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trainer = trained(changed(tiny_config, num_envs=2, learning={"overlap": True}))
+    agent, seen = trainer.agent, []
+    act = agent.act
+
+    def watched(*arguments: Any) -> Any:
+        seen.append(agent.updates)
+        return act(*arguments)
+
+    monkeypatch.setattr(agent, "act", watched)
+    made = [0]
+    for event in trainer.run():
+        made.append(made[-1] + len(event.losses))
+    assert seen == made[:-1]
+
+
+def test_with_overlap_a_failure_of_learning_stops_the_run(
+    tiny_config: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(self: DqnAgent, replay: object, updates: int) -> list[float]:
+        raise DivergedError("the loss is nan")
+
+    monkeypatch.setattr(DqnAgent, "learn", fails)
+    with pytest.raises(DivergedError, match="the loss is nan"):
+        list(trained(changed(tiny_config, learning={"overlap": True})).run())
 
 
 def test_rules_that_changed_since_the_checkpoint_are_noticed(tiny_config: TrainConfig) -> None:
