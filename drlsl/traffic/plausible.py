@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.array_kinds import Floats, Mask
+from drlsl.traffic.array_kinds import Mask
 from drlsl.traffic.recording import OFF_LANE, Dropped
 from drlsl.traffic.road import Lane
 from drlsl.traffic.tracks import Tracks, segment_starts
@@ -245,8 +245,3 @@ def _short(place: Place, tracks: Tracks, row: int) -> str:
 def _ordinal(number: int) -> str:
     ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10 if number % 100 not in (11, 12, 13) else 0, "th")
     return f"{number}{ending}"
-
-
-def limits_are_plain(values: Floats) -> bool:
-    """Return whether speed limits [m/s] are those of roads, or -1 for none."""
-    return bool(((values == -1) | ((values > 0) & (values <= HIGHEST_LIMIT))).all())

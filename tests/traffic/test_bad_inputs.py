@@ -279,7 +279,7 @@ def test_missing_frames_are_noted_and_the_others_keep_their_times(tmp_path: Path
 def test_limits_in_kilometres_an_hour(tmp_path: Path) -> None:
     folder = steady("highd", tmp_path / "h")
     edit(folder / "01_recordingMeta.csv", "-1.0", "120")
-    assert_one_line(folder, "speed limit 120, 120: expected m/s, at most 50, or -1 for none")
+    assert_one_line(folder, "speed limit 120: expected m/s, at most 50, or -1 for none")
 
 
 def test_two_classes_of_one_vehicle(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from drlsl.errors import UserError
 from drlsl.traffic import Direction, VehicleClass, load_recording
-from drlsl.traffic.formats.highd import UNLIMITED_SPEED
+from drlsl.traffic.map_tracks import UNLIMITED_SPEED
 from tests.traffic.writing import Row, write_highd
 
 UPPER = (8.0, 12.0, 16.0)

@@ -18,18 +18,13 @@ import pandas as pd
 from drlsl.errors import UserError
 from drlsl.traffic.assemble import Road, assemble
 from drlsl.traffic.columns import Kind, line_of_row, read_columns, read_header
-from drlsl.traffic.plausible import HIGHEST_LIMIT, Place, check_rows, limits_are_plain, true_frames
+from drlsl.traffic.map_tracks import UNLIMITED_SPEED
+from drlsl.traffic.plausible import HIGHEST_LIMIT, Place, check_rows, true_frames
 from drlsl.traffic.recording import Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 from drlsl.traffic.source import Source
 from drlsl.traffic.tracks import Tracks, without_duplicates
 from drlsl.traffic.words import counted, listed
-
-UNLIMITED_SPEED = 130 / 3.6
-"""Speed limit [m/s] where highD's is -1 (none): the advisory speed of the German Autobahn.
-
-Source: Autobahn-Richtgeschwindigkeits-V, section 1.
-"""
 
 TRACK_COLUMNS = {
     "frame": Kind.COUNT,
@@ -189,12 +184,22 @@ def _limits(path: Path, row: pd.Series[Any], count: int) -> list[float]:
                 f"{path}:2: column laneSpeedLimits: {text!r} is not {count} numbers joined by ';', one for "
                 "each lane"
             )
-    if not limits_are_plain(np.array(values)):
+    return [speed_limit(path, value) or UNLIMITED_SPEED for value in values]
+
+
+def speed_limit(path: Path, value: float) -> float | None:
+    """Return a speed limit [m/s], None for none.
+
+    Raises:
+        UserError: it is no limit of a road.
+    """
+    if value != -1 and not 0 < value <= HIGHEST_LIMIT:
         raise UserError(
-            f"{path}:2: speed limit {', '.join(f'{value:g}' for value in values)}: expected m/s, at most "
-            f"{HIGHEST_LIMIT:g}, or -1 for none (120 km/h are 33.33)"
+            f"{path}:2: speed limit {value:g}: expected m/s, at most {HIGHEST_LIMIT:g}, or -1 for none (120 "
+            "km/h are "
+            "33.33)"
         )
-    return [limit if limit > 0 else UNLIMITED_SPEED for limit in values]
+    return None if value == -1 else value
 
 
 def _merging_lanes(path: Path, text: object) -> tuple[MergingLane, ...]:

@@ -87,10 +87,29 @@ FORMATS: Final = (
         companions=_numbered,
     ),
     Format("highD", "highd:load_highd", _is_tracks, companions=_numbered),
+    Format("SUMO FCD, CSV", "sumo_fcd:load_fcd", lambda start: "timesteptime" in start.columns),
     Format(
         "NGSIM, CSV", "ngsim:load_ngsim", lambda start: "vehicleid" in start.columns, parts="ngsim:part_names"
     ),
+    Format(
+        "SUMO FCD, Parquet",
+        "sumo_fcd:load_fcd",
+        lambda start: start.head.startswith("par1") and "timestep_time" in start.head,
+    ),
     Format("Parquet of DRLSL", "parquet:load_parquet", lambda start: start.head.startswith("par1")),
+    Format("SUMO FCD, XML", "sumo_fcd:load_fcd", lambda start: "<fcd-export" in start.head),
+    Format("CommonRoad", "commonroad:load_commonroad", lambda start: "<commonroad" in start.head),
+    Format(
+        "TGSIM",
+        "tgsim:load_tgsim",
+        lambda start: {"xlockf", "lanekf"} <= start.columns,
+        parts="tgsim:part_names",
+    ),
+    Format(
+        "I-24 MOTION",
+        "i24:load_i24",
+        lambda start: ".json" in start.path.name and '"x_position"' in start.head,
+    ),
     Format(
         "NGSIM, text",
         "ngsim:load_ngsim",
