@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from drlsl.driving.simulation import Playback, playbacks_of
+from drlsl.driving import EnvConfig
+from drlsl.driving.simulation import Playback, load_playbacks, playbacks_of
 from drlsl.errors import UserError
 from drlsl.traffic import Direction, load_recording
 from tests.driving.recordings import Drive, recording
+from tests.traffic.writing import Row, write_highd
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +60,13 @@ def test_limits_of_lanes_count_from_the_right(direction: Direction) -> None:
 def test_limits_for_another_number_of_lanes_are_refused() -> None:
     with pytest.raises(UserError, match="2 limits for the 5 lanes that run left_to_right in"):
         playbacks_of([load_recording("freeway")], 100.0, (20.0, 25.0))
+
+
+def test_a_data_set_is_driven_in_all_its_recordings(tmp_path: Path) -> None:
+    for part in ("01", "02", "03"):
+        write_highd(tmp_path / "set" / "data", [Row(1, 1, 50.0, 22.0), Row(2, 1, 51.2, 22.0)], part=part)
+    config = EnvConfig(recording=str(tmp_path / "set"))
+    [playbacks] = load_playbacks([config])
+    assert len(playbacks) == 3
+    [some] = load_playbacks([EnvConfig(recording=(f"{tmp_path / 'set'}#0[12]", "freeway"))])
+    assert len(some) == 3

@@ -12,7 +12,17 @@ from drlsl.driving.config import EnvConfig
 from drlsl.driving.scene import Road
 from drlsl.driving.simulation.fault import Track
 from drlsl.errors import UserError
-from drlsl.traffic import NUMBERS, Direction, Floats, Integers, Lane, Mask, Recording, Traffic, load_recording
+from drlsl.traffic import (
+    NUMBERS,
+    Direction,
+    Floats,
+    Integers,
+    Lane,
+    Mask,
+    Recording,
+    Traffic,
+    load_recordings,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +191,7 @@ def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
         for name in config.recordings:
             key = name, config.radar_range, config.lane_limits
             if key not in loaded:
-                loaded[key] = playbacks_of([load_recording(name)], *key[1:])
+                loaded[key] = playbacks_of(load_recordings(name), *key[1:])
             playbacks.extend(loaded[key])
         result.append(in_direction(playbacks, config))
     return result
