@@ -1,3 +1,4 @@
+from .case_rows import EgoRow, LaneRow, RoadRow, Staging, VehicleRow
 from .case_runs import Outcome, run_cases
 from .coverage import Coverage, measure
 from .mutation import Score, Verdict, score
@@ -7,8 +8,13 @@ from .witness import Witness
 
 __all__ = [
     "Coverage",
+    "EgoRow",
+    "LaneRow",
     "Outcome",
+    "RoadRow",
     "Score",
+    "Staging",
+    "VehicleRow",
     "Verdict",
     "Witness",
     "load_table",

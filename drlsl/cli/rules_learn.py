@@ -28,6 +28,16 @@ Must = Annotated[
         help="A property that must be proved; may be repeated. Default: nobody_alongside, nothing_hidden.",
     ),
 ]
+HeldOut = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--held-out",
+        metavar="NAME",
+        help="A recording to judge by, never learnt from; may be repeated. Default: highway-test, "
+        "overtake-test.",
+        autocompletion=recordings,
+    ),
+]
 
 
 def learn(
@@ -58,42 +68,68 @@ def learn(
     rounds: Annotated[int, typer.Option(min=1, help="The most rounds.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
+    held_out: HeldOut = None,
+    agent: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RUN", help="A trained run to drive behind the rules in the report, too."),
+    ] = None,
+    report_episodes: Annotated[
+        int, typer.Option(min=0, help="Episodes of stress on each recording in the report; 0: no report.")
+    ] = 2000,
 ) -> None:
     """Learn when a lane change is open from lane changes in the world, and prove properties of the result.
 
     Every round drives with what was found, and tries to prove what must hold; what goes wrong becomes an
-    example, until nothing does. The same command continues after Ctrl-C. The exit status is 1 if the rounds
-    ended before that.
+    example, until nothing does. The same command continues after Ctrl-C. Beside the rule file it writes a
+    table of the scenes that fix its limits, and a folder with a report, FILE.report. The exit status is 1
+    if the rounds ended before nothing went wrong.
     """
     from drlsl.errors import UserError
 
     for module, extra in (("clingo", "learn"), ("z3", "verify")):
         if find_spec(module) is None:
             raise UserError(f"learning rules needs {module}: pip install 'drlsl[{extra}]'")
-    from drlsl.induction import Labelling, LearningRun, LearnRequest
-
-    run = LearningRun(
-        LearnRequest(
-            recordings=tuple(recording or ("highway-train", "freeway")),
-            bias=bias,
-            how=Labelling(label=label, changes=changes, seed=seed),
-            clauses=clauses,
-            literals=literals,
-            seconds=search_time,
-            must=("nobody_alongside", "nothing_hidden") if must is None else tuple(must),
-            properties=tuple(properties or ()),
-            episodes=episodes,
-            rounds=rounds,
-            jobs=jobs or os.cpu_count() or 1,
-        ),
-        out,
-        lambda line: typer.echo(line, err=True),
+    from drlsl.induction import (
+        Labelling,
+        LearningReport,
+        LearningRun,
+        LearnRequest,
+        ReportRequest,
+        write_table,
     )
-    result = _run(run, out)
+
+    processes = jobs or os.cpu_count() or 1
+    request = LearnRequest(
+        recordings=tuple(recording or ("highway-train", "freeway")),
+        bias=bias,
+        how=Labelling(label=label, changes=changes, seed=seed),
+        clauses=clauses,
+        literals=literals,
+        seconds=search_time,
+        must=("nobody_alongside", "nothing_hidden") if must is None else tuple(must),
+        properties=tuple(properties or ()),
+        episodes=episodes,
+        rounds=rounds,
+        jobs=processes,
+    )
+    result = _run(LearningRun(request, out, _tell), out)
     print("\n".join(result.lines()))
-    print(f"wrote {out}")
+    mutants = write_table(out, result.clauses, result.examples, jobs=processes)
+    print(f"wrote {out} and its table, which notices {mutants.killed} of {len(mutants.verdicts)} mutants")
+    if report_episodes:
+        what = ReportRequest(
+            held_out=("highway-test", "overtake-test") if held_out is None else tuple(held_out),
+            episodes=report_episodes,
+            agents=tuple(agent or ()),
+            jobs=processes,
+        )
+        print(f"wrote {LearningReport(out, request, result, mutants, _tell).write(what)}")
     if not result.finished:
         raise typer.Exit(1)
+
+
+def _tell(line: str) -> None:
+    typer.echo(line, err=True)
 
 
 def _run(run: LearningRun, out: Path) -> Learnt:

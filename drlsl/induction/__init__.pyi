@@ -4,7 +4,9 @@ from .examination import BadChange, Stressed, stressed
 from .examples import Examples
 from .label_cache import cached_changes
 from .labelled_changes import Changes, Label, Labelling, label_changes
+from .learning_report import LearningReport, ReportRequest
 from .learning_rounds import LearningRun, LearnRequest, Learnt, Round
+from .learnt_table import write_table
 from .search_problem import LearntClause, SearchProblem, covered
 
 __all__ = [
@@ -18,10 +20,12 @@ __all__ = [
     "Label",
     "Labelling",
     "LearnRequest",
+    "LearningReport",
     "LearningRun",
     "Learnt",
     "LearntClause",
     "Quantity",
+    "ReportRequest",
     "Round",
     "SearchProblem",
     "Stressed",
@@ -30,4 +34,5 @@ __all__ = [
     "label_changes",
     "search",
     "stressed",
+    "write_table",
 ]

@@ -6,26 +6,33 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from drlsl.assurance import Score, load_table, run_cases
 from drlsl.cli import run as command
-from drlsl.driving.scene import Scene
+from drlsl.driving.scene import Scene, load_scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.induction import (
     BadChange,
     Examples,
     Labelling,
+    LearningReport,
     LearningRun,
     LearnRequest,
+    ReportRequest,
     Stressed,
     covered,
+    write_table,
 )
 from drlsl.induction.bias import SIDES
 from drlsl.induction.examination import broken_by, examined, stressed
+from drlsl.verify import Request, Result
+from drlsl.verify.confirmation import Counterexample
 
 REQUEST = LearnRequest(
     recordings=("highway-test",),
@@ -213,3 +220,49 @@ def test_a_result_is_read_back_as_it_was(
     result, _ = learn(tmp_path / "learnt.pl", Trouble(1, examples), monkeypatch)
     for one in result.rounds:
         assert type(one).of_json(json.loads(json.dumps(one.as_json())), "round") == one
+
+
+def test_the_table_has_both_sides_of_the_limits_and_notices_mutants(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "learnt.pl"
+    result, _ = learn(out, Trouble(0, examples), monkeypatch)
+    found = write_table(out, result.clauses, result.examples)
+    assert found.unexplained == []
+    assert found.killed > 0.8 * len(found.verdicts)
+    shield = Shield.from_files([out])
+    cases = load_table(out.with_suffix(".test.yaml"), shield.observation.names)
+    outcome = run_cases(shield, cases, ["numpy"])
+    assert not outcome.failures
+    text = out.with_suffix(".test.yaml").read_text()
+    assert text.count("row: just,") >= 1
+
+
+def test_the_report_has_rounds_proofs_stress_and_time_saved(
+    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "learnt.pl"
+    result, _ = learn(out, Trouble(1, examples), monkeypatch)
+    told: list[str] = []
+    monkeypatch.setattr("drlsl.induction.learning_report.verify", _one_refutation)
+    monkeypatch.setattr("drlsl.induction.learning_report.stressed", _no_stress)
+    report = LearningReport(out, REQUEST, result, Score((), {}, {}), told.append)
+    path = report.write(ReportRequest(held_out=("freeway",), episodes=5, drives=2))
+    text = path.read_text()
+    assert "| 1 | " in text
+    assert "| 2 | " in text
+    assert "| nobody_alongside | refuted |" in text
+    assert (path.parent / "nobody_alongside.png").exists()
+    assert "| learnt.pl | freeway* |" in text
+    assert "| highway.pl | highway-test |" in text
+    assert text.count("| mobil | ") == 6
+
+
+def _one_refutation(request: Request) -> Any:
+    scene = load_scene(Path(__file__).parents[2] / "examples" / "scene.json")
+    found = Result("nobody_alongside", "nobody", 1, status="refuted", counterexample=Counterexample(scene))
+    return SimpleNamespace(results=[found])
+
+
+def _no_stress(rules: Path, recordings: Sequence[str], *rest: Any, **options: Any) -> list[Stressed]:
+    return [Stressed(name, {**CLEAN, "distance": 1000.0}, (), 0) for name in recordings]

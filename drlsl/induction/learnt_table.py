@@ -1,0 +1,208 @@
+"""The table of a learnt program: scenes on both sides of each limit, and what mutants need."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from drlsl.assurance import EgoRow, RoadRow, Score, Staging, VehicleRow, load_table, reasons_of, score
+from drlsl.driving.scene import Action, SceneBatch
+from drlsl.driving.shield import Shield
+from drlsl.files import write_atomic
+from drlsl.induction.bias import SIDES
+from drlsl.induction.examples import Examples
+from drlsl.induction.learnt_file import FixedLimit, example_words, fixed_limits
+from drlsl.induction.search_problem import LearntClause
+from drlsl.induction.told_scene import accelerations, moves, simplified, staged
+from drlsl.traffic import Direction
+
+_ROADS: Final = """\
+  - scene: nobody else on the road
+    ego: {lane: 2}
+    rows:
+      - {row: middle lane, actions: [keep, left, right], objections: {left: [], right: []}}
+      - {row: right lane, ego: {lane: 1}, actions: [keep, left], objections: {right: [no_lane]}}
+      - {row: left lane, ego: {lane: 3}, actions: [keep, right], objections: {left: [no_lane]}}
+      - {row: on the way to the left, ego: {target: left}, actions: [keep]}
+      - {row: on the way to the right, ego: {target: right}, actions: [keep]}
+"""
+
+_FINEST: Final = 0.01
+"""How far from a limit the nearer of two scenes stands [m, m/s]."""
+
+_WITNESS_ROUNDS: Final = 3
+"""How often rows that notice surviving mutants are searched and added."""
+
+NOT_FOUND: Final = (
+    "No scene near those of the table was found in which it differs: the example that fixes the limit is not "
+    "near it, or another clause decides there."
+)
+
+
+class LearntTable:
+    """Makes the rows of a table for the clauses in a rule file."""
+
+    def __init__(self, rules: Path, clauses: Sequence[LearntClause], examples: Examples) -> None:
+        self._rules, self._clauses, self._examples = rules, clauses, examples
+        self._shield = Shield.from_files([rules], tier="scalar")
+        self.left_out = 0
+        """Limits for which no scene could be told."""
+
+    def text(self) -> str:
+        """Return the table."""
+        head = f"# Scenes that fix the limits of {self._rules.name}; written by drlsl rules learn."
+        return f"{head}\n\nscenes:\n\n{_ROADS}" + "".join(self._scenes())
+
+    def _scenes(self) -> Iterator[str]:
+        for limit in fixed_limits(self._clauses, self._examples):
+            rows = None if limit.example is None else list(self._rows(limit))
+            if not rows:
+                self.left_out += 1
+                continue
+            assert limit.example is not None
+            one = self._examples.bias.quantities[limit.quantity]
+            yield f"\n  # clause {limit.clause + 1}; {example_words(limit.example, self._examples)}\n"
+            yield f"  - scene: '{one} {'at least' if one.more else 'at most'} {one.words(limit.ease)}'\n"
+            yield "    rows:\n"
+            for words, scene in rows:
+                yield f"      - {self._row(words, scene)}\n"
+
+    def _rows(self, limit: FixedLimit) -> Iterator[tuple[str, Staging]]:
+        """Yield the scene that fixes a limit, and one on either side of the limit, if they are found."""
+        assert limit.example is not None
+        side = int(self._examples.side[limit.example])
+        scene = staged(self._examples.scenes.scene(limit.example))
+        if scene is None or not self._leaves_out(scene, side, limit):
+            return
+        scene = simplified(scene, lambda other: self._leaves_out(other, side, limit))
+        yield "the example", scene
+        for change in (moves, accelerations):
+            found = self._crossing(scene, side, limit, change)
+            if found is not None:
+                yield "just not", found[0]
+                yield "just", found[1]
+                return
+
+    def _leaves_out(self, scene: Staging, side: int, limit: FixedLimit) -> bool:
+        """Return whether only this limit of the clause leaves it out, and no other clause offers it."""
+        violated = self._violated(scene, side)
+        return violated is not None and violated[limit.clause] == {limit.quantity} and all(violated)
+
+    def _violated(self, scene: Staging, side: int) -> list[set[int]] | None:
+        """Return the quantities that each clause finds too hard.
+
+        None if the lane change is not possible, or if rounding makes a difference between the two directions.
+        """
+        if not self._possible(scene, side):
+            return None
+        try:
+            batch = SceneBatch.of([replace(scene, direction=one).scene() for one in Direction])
+        except ValueError:
+            return None
+        eases = self._examples.bias.eases(self._examples.bias.values(batch)[:, side])
+        one, other = (
+            [
+                {q for q, limit in enumerate(clause.limits) if limit is not None and row[q] < limit}
+                for clause in self._clauses
+            ]
+            for row in eases
+        )
+        return one if one == other else None
+
+    def _possible(self, scene: Staging, side: int) -> bool:
+        """Return whether only the openings could speak against the lane change."""
+        lanes = scene.road.lanes if isinstance(scene.road.lanes, int) else len(scene.road.lanes)
+        wanted = scene.ego.lane + (1 if SIDES[side] == "left" else -1)
+        return 1 <= wanted <= lanes and abs(scene.ego.shift) < scene.road.centre_tolerance
+
+    def _crossing(
+        self,
+        scene: Staging,
+        side: int,
+        limit: FixedLimit,
+        change: Callable[[Staging, float], Iterator[Staging]],
+    ) -> tuple[Staging, Staging] | None:
+        """Return the last scene that the limit leaves out and the first one that it does not."""
+        for number in range(len(list(change(scene, 1.0)))):
+
+            def at(amount: float, number: int = number) -> Staging:
+                return list(change(scene, amount))[number]
+
+            def meets(amount: float, at: Callable[[float], Staging] = at) -> bool:
+                violated = self._violated(at(amount), side)
+                return violated is not None and not violated[limit.clause]
+
+            far = next((float(step) for step in range(1, 40) if meets(float(step))), None)
+            if far is None:
+                continue
+            low, high = round((far - 1.0) / _FINEST), round(far / _FINEST)
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (low, middle) if meets(middle * _FINEST) else (middle, high)
+            for nearest in (low, low - 1, low - 2):
+                before = at(nearest * _FINEST)
+                if self._leaves_out(before, side, limit):
+                    return before, at(high * _FINEST)
+        return None
+
+    def _row(self, words: str, scene: Staging) -> str:
+        """Return a row of the table, with the actions that the rules offer."""
+        told: dict[str, Any] = {"row": words, **yaml.safe_load(scene.row())}
+        del told["directions"]
+        told["actions"] = _actions(scene, self._shield)
+        return _flow(told)
+
+
+def _flow(row: dict[str, Any]) -> str:
+    return yaml.safe_dump(row, default_flow_style=True, width=math.inf, sort_keys=False).strip()
+
+
+def _actions(scene: Staging, shield: Shield) -> list[str]:
+    """Return the actions that the rules offer, as a table has them."""
+    words = {Action.LANE_KEEPING: "keep", Action.LEFT_LANE_CHANGE: "left", Action.RIGHT_LANE_CHANGE: "right"}
+    return [words[action] for action in sorted(shield.decide(scene.scene()).safe_actions)]
+
+
+def _expecting(row: str, shield: Shield) -> str:
+    """Return a row that a witness gave, with the actions that the rules offer."""
+    told = yaml.safe_load(row)
+    vehicles = {name: VehicleRow(**car) for name, car in told.get("vehicles", {}).items()}
+    ego, road = EgoRow(**told.get("ego", {})), RoadRow(**told.get("road", {}))
+    scene = Staging(road, ego, vehicles, Direction(told["directions"]))
+    return _flow({**told, "actions": _actions(scene, shield)})
+
+
+def write_table(rules: Path, clauses: Sequence[LearntClause], examples: Examples, *, jobs: int = 1) -> Score:
+    """Write the table of learnt rules beside them, and the reasons of the mutants that it cannot notice.
+
+    Rows that notice surviving mutants are added, as far as they are found.
+
+    Raises:
+        UserError: a file cannot be written.
+    """
+    table, reasons = rules.with_suffix(".test.yaml"), rules.with_suffix(".mutants.yaml")
+    reasons.unlink(missing_ok=True)
+    text = LearntTable(rules, clauses, examples).text()
+    shield = Shield.from_files([rules])
+    result: Score | None = None
+    for _ in range(_WITNESS_ROUNDS):
+        write_atomic(table, text.encode())
+        cases = load_table(table, shield.observation.names)
+        result = score([rules], cases, {}, jobs=jobs)
+        witnesses = [one for one in result.witnesses.values() if one is not None]
+        found = [one for one in witnesses if one.goal.startswith("safe_actions")]
+        if not found:
+            break
+        rows = dict.fromkeys(f"      - {_expecting(one.row, shield)}\n" for one in found)
+        text += "\n  - scene: near the limits\n    rows:\n" + "".join(rows)
+    assert result is not None
+    names = [verdict.name for verdict in result.survivors]
+    if names:
+        content = {"survivors": [{"reason": NOT_FOUND, "mutants": names}]}
+        write_atomic(reasons, yaml.safe_dump(content, sort_keys=False, width=math.inf).encode())
+    return score([rules], load_table(table, shield.observation.names), reasons_of([rules]), jobs=jobs)
