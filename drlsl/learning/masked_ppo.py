@@ -4,20 +4,19 @@ import dataclasses
 import importlib
 import io
 import math
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
 from types import ModuleType
 from typing import Any, Final
 
-import gymnasium
 import numpy as np
 import torch
+from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
-from drlsl.driving import HighwayEnv
-from drlsl.driving.shield import Shield
+from drlsl import masks
+from drlsl.driving import HighwayVectorEnv, make_vec
 from drlsl.errors import UserError
 from drlsl.files import write_atomic
 from drlsl.learning.checkpoint import as_arrays, as_tensors, load_state, save_state
@@ -74,12 +73,10 @@ class _Training:
         config = folder.config
         count = config.num_envs
         torch.set_num_threads(config.threads)
-        shield = Shield.from_files(config.env.rules, tier=config.env.tier, seconds=config.env.rule_seconds)
-        vectors = importlib.import_module("stable_baselines3.common.vec_env")
-        self._envs = vectors.DummyVecEnv([partial(_Counted, config, shield)] * count)
+        self._env = _Counted(config)
         self._model = require_masked_ppo().MaskablePPO(
             "MlpPolicy",
-            self._envs,
+            masks.Sb3VecEnv(self._env),
             learning_rate=settings.learning_rate,
             n_steps=settings.steps,
             batch_size=settings.batch_size,
@@ -119,11 +116,11 @@ class _Training:
 
         `found`: the names and values inside sb3-contrib's loop of steps.
         """
-        masks = np.asarray(found["action_masks"], np.bool_)
+        offered = np.asarray(found["action_masks"], np.bool_)
         with torch.no_grad():
             wanted = self._model.policy.get_distribution(found["obs_tensor"]).distribution.logits
         preferred = wanted.argmax(dim=1).numpy()
-        self._intervened += ~masks[np.arange(len(masks)), preferred]
+        self._intervened += ~offered[np.arange(len(offered)), preferred]
         for index in np.flatnonzero(found["dones"]).tolist():
             info, intervened = found["infos"][index], int(self._intervened[index])
             self._intervened[index] = 0
@@ -157,7 +154,7 @@ class _Training:
             "updates": model._n_updates,
             "observations": model._last_obs,
             "episode_starts": model._last_episode_starts,
-            "envs": self._envs.env_method("get_state"),
+            "envs": self._env.get_state(),
             # Stable-Baselines3 draws actions from PyTorch's generator, and minibatches from NumPy's.
             "torch": torch.get_rng_state(),
             "numpy": np.random.get_state(legacy=False),  # noqa: NPY002  (what it draws from)
@@ -174,14 +171,17 @@ class _Training:
         state = load_state(path, "checkpoint")
         parameters, generator = state["parameters"], state["torch"]
         held = as_arrays(state)
+        if isinstance(held["envs"], list):
+            raise UserError(
+                f"{path}: written by an earlier version of DRLSL, which cannot go on: train again"
+            )
         self.finished, self._loss = held["finished"], held["loss"]
         self._intervened = held["intervened"]
         self._folder.keep_metrics(range(1, self.finished + 1), held["metrics"])
         model.set_parameters(parameters)
         model.num_timesteps, model._n_updates = held["decisions"], held["updates"]
         model._last_obs, model._last_episode_starts = held["observations"], held["episode_starts"]
-        for index, one in enumerate(held["envs"]):
-            self._envs.env_method("set_state", one, indices=index)
+        self._env.set_state(held["envs"])
         torch.set_rng_state(generator)
         np.random.set_state(held["numpy"])  # noqa: NPY002
 
@@ -192,37 +192,34 @@ class _Training:
         write_atomic(self._folder.root / MODEL, buffer.getvalue())
 
 
-class _Counted(gymnasium.Wrapper[NDArray[np.float32], np.int64, NDArray[np.float32], np.int64]):
-    """An environment that adds up its episodes: the info of the last step has the `summary` and `wall_s`."""
+class _Counted(VectorWrapper):
+    """Environments that add up their episodes: the info of a last step has the `summary` and `wall_s`."""
 
-    env: HighwayEnv
+    env: HighwayVectorEnv
 
-    def __init__(self, config: TrainConfig, shield: Shield) -> None:
-        super().__init__(HighwayEnv(config.env, shield=shield, discount=config.learning.discount))
-        self._tally: Final = EpisodeTally(1)
-        self._began = perf_counter()
+    def __init__(self, config: TrainConfig) -> None:
+        count, discount = config.num_envs, config.learning.discount
+        super().__init__(make_vec(config.env, count, AutoresetMode.SAME_STEP, discount=discount))
+        self._tally: Final = EpisodeTally(count)
+        self._began = np.full(count, perf_counter())
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode."""
-        self._tally.clear(0)
-        self._began = perf_counter()
-        return self.env.reset(seed=seed, options=options)
-
-    def step(self, action: np.int64) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, actions: NDArray[np.int64]) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Drive one decision."""
-        offered = self.env.action_masks()[None]
-        observation, reward, terminated, truncated, info = self.env.step(action)
+        offered = self.env.action_masks()
+        observations, rewards, terminated, truncated, info = self.env.step(actions)
+        over = terminated | truncated
+        # The next episode begins within the step; what was told of the last one is in final_info.
+        last = _overlaid(over, info["final_info"], info) if over.any() else info
         # Who intervened is for the policy to say.
-        self._tally.add(np.array([reward]), info, offered, np.zeros(1, np.bool_))
-        if terminated or truncated:
-            info |= {"summary": self._tally.summary(0, info), "wall_s": perf_counter() - self._began}
-        return observation, reward, terminated, truncated, info
-
-    def action_masks(self) -> NDArray[np.bool_]:
-        """Return the mask of the actions that are offered now."""
-        return self.env.action_masks()
+        self._tally.add(rewards, last, offered, np.zeros(len(over), np.bool_))
+        if over.any():
+            now, summaries = perf_counter(), np.full(len(over), None, dtype=object)
+            for index in np.flatnonzero(over).tolist():
+                summaries[index] = self._tally.summary(index, info["final_info"])
+                self._tally.clear(index)
+            info["final_info"] |= {"summary": summaries, "wall_s": now - self._began}
+            self._began[over] = now
+        return observations, rewards, terminated, truncated, info
 
     def get_state(self) -> dict[str, Any]:
         """Return all that the next steps depend on."""
@@ -234,3 +231,15 @@ class _Counted(gymnasium.Wrapper[NDArray[np.float32], np.int64, NDArray[np.float
         self.env.set_state(state["env"])
         self._tally.restore(state["tally"])
         self._began = perf_counter() - state["elapsed_s"]
+
+
+def _overlaid(over: NDArray[np.bool_], one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the columns that `one` has: its values where `over`, elsewhere those of `other`."""
+    columns: dict[str, Any] = {}
+    for name, column in one.items():
+        if isinstance(column, Mapping):
+            columns[name] = _overlaid(over, column, other[name])
+        else:
+            columns[name] = np.array(other[name])
+            columns[name][over] = column[over]
+    return columns

@@ -25,6 +25,7 @@ from drlsl.learning import (
     train_masked_ppo,
 )
 from drlsl.learning import masked_ppo as module
+from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.session import make_training_env
 
 needs_sb3 = pytest.mark.skipif(importlib.util.find_spec("sb3_contrib") is None, reason="the extra sb3")
@@ -105,6 +106,15 @@ def test_a_training_that_was_stopped_goes_on_bit_for_bit(tmp_path: Path) -> None
     broken = trained(root)
     assert rows(broken).equals(rows(whole))
     assert weights(broken) == weights(whole)
+
+
+@needs_sb3
+def test_a_training_that_an_earlier_version_began_is_refused(tmp_path: Path) -> None:
+    folder = trained(tmp_path / "run")
+    state = load_state(folder.checkpoint, "checkpoint")
+    save_state(folder.checkpoint, "checkpoint", state | {"envs": [state["envs"]] * 3})
+    with pytest.raises(UserError, match="written by an earlier version of DRLSL"):
+        trained(tmp_path / "run")
 
 
 @needs_sb3
