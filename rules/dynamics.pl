@@ -206,15 +206,5 @@ violates(can_stop_at_entry) :-
 spec_leader(Car, Gap, Gap, V) :- spec_along(Car, V).
 spec_leader(Car, Gap, Room, 0.0) :- spec_coming(Car, V), spec_rear_stop(V, Way), Room is Gap - Way.
 
-% spec_can_stop(Gap, V1, V2): the ego at speed V1 can stop behind a vehicle that brakes at its hardest from speed V2.
-spec_can_stop(Gap, V1, V2) :- Gap > 0.0, spec_stop(V1, S), Gap + V2 * V2 / (2 * 8.0) > S.
-
-% spec_can_stop_after(Gap, V1, V, V2): the same after a step from speed V1 to V, during which that vehicle brakes at its hardest too.
-spec_can_stop_after(Gap, V1, V, V2) :- time_step(Dt), spec_stop(V, S), Gap + V2 * V2 / (2 * 8.0) - (V1 + V) / 2 * Dt > S.
-
-% spec_stop(V, S): the distance in which the ego stops by braking at 8 m/s2, or a little more if it stops within a step.
-spec_stop(V, S) :- time_step(Dt), V > 4.0 * Dt, S is V * V / (2 * 8.0) + Dt * Dt.
-spec_stop(V, S) :- time_step(Dt), V =< 4.0 * Dt, S is V * Dt / 2.
-
 % spec_reaches(V1, V): V is no lower than the speed to which full braking slows the ego from V1 within a step.
 spec_reaches(V1, V) :- reached_speed(V), time_step(Dt), V >= V1 - 8.0 * Dt.

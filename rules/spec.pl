@@ -83,6 +83,16 @@ spec_too_near(Car, Offset, Gap) :- spec_comes_too_near(Car, Offset, Gap).
 spec_comes_too_near(Car, Offset, Gap) :-
     Offset > 0.0, spec_speed(ego, V1), spec_coming(Car, V2), spec_opposite(V1, V2, Distance), Gap < Distance.
 
+% spec_can_stop(Gap, V1, V2): the ego at speed V1 can stop behind a vehicle that brakes at its hardest from speed V2.
+spec_can_stop(Gap, V1, V2) :- Gap > 0.0, spec_stop(V1, S), Gap + V2 * V2 / (2 * 8.0) > S.
+
+% spec_can_stop_after(Gap, V1, V, V2): the same after a step from speed V1 to V, during which that vehicle brakes at its hardest too.
+spec_can_stop_after(Gap, V1, V, V2) :- time_step(Dt), spec_stop(V, S), Gap + V2 * V2 / (2 * 8.0) - (V1 + V) / 2 * Dt > S.
+
+% spec_stop(V, S): the distance in which the ego stops by braking at 8 m/s2, or a little more if it stops within a step.
+spec_stop(V, S) :- time_step(Dt), V > 4.0 * Dt, S is V * V / (2 * 8.0) + Dt * Dt.
+spec_stop(V, S) :- time_step(Dt), V =< 4.0 * Dt, S is V * Dt / 2.
+
 % spec_evading_way(Response, B, V1, V2, T, S): how far a vehicle goes in the time T that keeps its speed V1 for the time Response and
 % then brakes by B down to V2; if V1 is not above V2, it keeps its speed.
 spec_evading_way(_, _, V1, V2, T, S) :- V1 =< V2, S is V1 * T.

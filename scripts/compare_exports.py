@@ -26,7 +26,7 @@ from drlsl.lowering.backends import compile_scalar
 from drlsl.lowering.frontend import Query, lower
 from drlsl.lowering.ir import Undecided
 
-FILES: Final = ("highway.pl", "paper.pl", "un_r157.pl", "overtake_left.pl")
+FILES: Final = ("highway.pl", "paper.pl", "un_r157.pl", "overtake_left.pl", "merge.pl")
 AT_ONCE: Final = 2000
 STATUS: Final = ("decided", "undecided", "failed")
 
@@ -36,6 +36,8 @@ class Lane(ctypes.Structure):
         ("id", ctypes.c_int32),
         ("direction", ctypes.c_int),
         *((name, ctypes.c_double) for name in ("centre", "width", "speed_limit")),
+        ("ends", ctypes.c_bool),
+        ("end", ctypes.c_double),
     )
 
 
@@ -131,7 +133,8 @@ class CRules:
         road.lane_count = len(scene.road.lanes)
         for place, lane in enumerate(scene.road.lanes):
             direction = 0 if lane.direction.sign > 0 else 1
-            road.lanes[place] = Lane(lane.id, direction, lane.centre, lane.width, lane.speed_limit)
+            numbers = (lane.centre, lane.width, lane.speed_limit)
+            road.lanes[place] = Lane(lane.id, direction, *numbers, lane.end is not None, lane.end or 0.0)
         for name in ("time_step", "radar_range", "acceleration_limit", "braking_limit", "centre_tolerance"):
             setattr(road, name, getattr(scene.road, name))
         self.scene.ego = Car(-1, *scene.ego[1:])
@@ -298,7 +301,7 @@ def compare(name: str, count: int) -> None:
         export_rules([Path(name)], "js", Path(folder) / "js", decisions=10)
         rules, c, js = PythonRules(name), CRules(Path(folder) / "c"), JsRules(Path(folder) / "js")
         wrong = 0
-        scenes = draw_scenes(count, 16, seed=7)
+        scenes = draw_scenes(count, 16, seed=7, ends=Path(name).name == "merge.pl")
         for start in range(0, count, AT_ONCE):
             some = [next(scenes) for _ in range(min(AT_ONCE, count - start))]
             for problem in differences(rules, c, js, some):

@@ -113,6 +113,18 @@ def scenes(draw: st.DrawFn, most: int = 8) -> Scene:
 
 
 @st.composite
+def scenes_with_ends(draw: st.DrawFn, most: int = 6) -> Scene:
+    """A scene in which some lanes end: ahead, where the ego's braking matters, behind, or at its front."""
+    scene = draw(scenes(most=most))
+    front = scene.ego.x + scene.forward * scene.ego.length / 2
+    lanes = []
+    for lane in scene.road.lanes:
+        room = draw(st.one_of(st.floats(-20.0, 60.0), st.floats(-300.0, 300.0), st.sampled_from([0.0, 2.0])))
+        lanes.append(replace(lane, end=front + scene.forward * room if draw(st.booleans()) else None))
+    return replace(scene, road=replace(scene.road, lanes=tuple(lanes)))
+
+
+@st.composite
 def scenes_with_one_coming_fast(draw: st.DrawFn) -> Scene:
     """A scene in which the ego keeps its lane, and a vehicle far behind comes nearer fast."""
     scene = draw(scenes(most=2))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self, TypeAlias
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -33,18 +33,23 @@ class Row(BaseModel):
 
 
 class LaneRow(Row):
-    """A lane that differs from the others; `apart` is the strip between it and the lane to its right [m]."""
+    """A lane that differs from the others; `apart` is the strip between it and the lane to its right [m].
+
+    `ends`: how far ahead of the ego's front bumper it ends [m], along the ego's direction; without, it goes
+    on.
+    """
 
     width: Positive | None = None
     speed_limit: Positive | None = None
     apart: float = Field(0.0, ge=0)
+    ends: float | None = None
 
 
 class RoadRow(Row):
     """The road: `lanes` of the ego's direction, left of them the `median` and `oncoming` ones; SI units."""
 
     lanes: Annotated[int, Field(ge=1)] | list[LaneRow] = 3
-    oncoming: int = Field(0, ge=0)
+    oncoming: Annotated[int, Field(ge=0)] | list[LaneRow] = 0
     median: float = Field(2.0, ge=0)
     lane_width: Positive = 3.5
     speed_limit: Positive = 30.0
@@ -96,27 +101,32 @@ class VehicleRow(BoxRow):
         return self
 
 
+_Strip: TypeAlias = tuple[float, float, Direction, float | None]
+"""A lane's width [m], limit [m/s] and direction, and where it ends, ahead of the ego's front [m]."""
+
+
 class Layout:
     """A road as the driver sees it and as the rules see it, for one direction of travel."""
 
-    def __init__(self, row: RoadRow, direction: Direction) -> None:
+    def __init__(self, row: RoadRow, direction: Direction, ego_length: float = LENGTH) -> None:
         lanes = [LaneRow() for _ in range(row.lanes)] if isinstance(row.lanes, int) else row.lanes
         self.sign: Final = direction.sign
         self.count: Final = len(lanes)
         self._centres: list[float] = []
-        strips: list[tuple[float, float, Direction]] = []
+        self._front = EGO_X + self.sign * ego_length / 2
+        strips: list[_Strip] = []
         edge = 0.0
         opposite = (
             Direction.RIGHT_TO_LEFT if direction is Direction.LEFT_TO_RIGHT else Direction.LEFT_TO_RIGHT
         )
-        oncoming = [LaneRow(apart=row.median if n == 0 else 0.0) for n in range(row.oncoming)]
+        oncoming = [LaneRow()] * row.oncoming if isinstance(row.oncoming, int) else row.oncoming
         for number, lane in enumerate([*lanes, *oncoming]):
             width = lane.width or row.lane_width
-            self._centres.append(edge + lane.apart + width / 2)
-            strips.append(
-                (width, lane.speed_limit or row.speed_limit, direction if number < len(lanes) else opposite)
-            )
-            edge += lane.apart + width
+            apart = lane.apart + (row.median if number == len(lanes) else 0.0)
+            self._centres.append(edge + apart + width / 2)
+            along = direction if number < len(lanes) else opposite
+            strips.append((width, lane.speed_limit or row.speed_limit, along, lane.ends))
+            edge += apart + width
         self._edge = edge
         self.road: Final = Road(
             tuple(self._lane(n, *strip) for n, strip in self._from_the_top(strips)),
@@ -127,14 +137,15 @@ class Layout:
             row.centre_tolerance,
         )
 
-    def _from_the_top(
-        self, strips: list[tuple[float, float, Direction]]
-    ) -> list[tuple[int, tuple[float, float, Direction]]]:
+    def _from_the_top(self, strips: list[_Strip]) -> list[tuple[int, _Strip]]:
         numbered = list(enumerate(strips))
         return numbered[::-1] if self.sign > 0 else numbered
 
-    def _lane(self, number: int, width: float, limit: float, direction: Direction) -> Lane:
-        return Lane(self.lane_id(number), direction, self.y(self._centres[number]), width, limit)
+    def _lane(
+        self, number: int, width: float, limit: float, direction: Direction, ends: float | None
+    ) -> Lane:
+        end = None if ends is None else self._front + self.sign * ends
+        return Lane(self.lane_id(number), direction, self.y(self._centres[number]), width, limit, end)
 
     def lane_id(self, number: int) -> int:
         """Return the road's id of a lane, given by its place from the right, from 0."""
@@ -200,7 +211,7 @@ def scene_of(road: RoadRow, ego: EgoRow, vehicles: Mapping[str, VehicleRow], dir
     Raises:
         ValueError: a lane that the road does not have.
     """
-    layout = Layout(road, direction)
+    layout = Layout(road, direction, ego.length)
     own = layout.number(ego.lane, 0)
     box = _box(EGO, layout, own, ego, 0.0, ego.speed)
     others = tuple(

@@ -67,7 +67,7 @@ class CaseRow(Row):
     lane_to_keep: Literal["left", "own", "right"] | int | None = None
     observation: dict[str, float] | None = None
     sections: dict[Section, str | None] | None = None
-    objections: dict[Literal["left", "right"], list[str]] | None = None
+    objections: dict[ActionWord, list[str]] | None = None
     goals: dict[str, bool | Bindings | list[Bindings]] | None = None
     fails: str | None = None
 

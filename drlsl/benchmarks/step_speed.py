@@ -89,7 +89,7 @@ def steady_traffic() -> Recording:
 
 def _environment(recording: Recording, size: int) -> HighwayVectorEnv:
     config = EnvConfig(recording=recording.name)
-    playbacks = playbacks_of([recording], config.radar_range, config.lane_limits)
+    playbacks = playbacks_of([recording], config.radar_range, config.lane_limits, config.entry)
     return HighwayVectorEnv(config, num_envs=size, shield=Shield.default(tier="auto"), playbacks=playbacks)
 
 

@@ -33,6 +33,9 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+EntryPlace: TypeAlias = Literal["road", "ramp"]
+"""Where the ego enters: on the road, or on its on-ramp."""
+
 Term: TypeAlias = Literal[
     "paper", "lane_change", "velocity", "collision", "off_road", "lost_speed", "comfort", "jerk"
 ]
@@ -166,6 +169,11 @@ class EnvConfig(Section):
         "auto",
         description="Whether recorded vehicles drive through the ego, or brake for it and follow (IDM); "
         "auto: as their recording says.",
+    )
+    entry: EntryPlace = Field(
+        "road",
+        description="Where the ego enters: in any lane of the road; or at the beginning of its merging lane, "
+        "which it must leave before it ends.",
     )
     lane_limits: tuple[PositiveSpeed, ...] = Field(
         (),

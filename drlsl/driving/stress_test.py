@@ -413,7 +413,9 @@ def record(
 
 
 def _world(config: EnvConfig, recordings: Sequence[Recording], shield: Shield, egos: int) -> World:
-    playbacks = in_direction(playbacks_of(recordings, config.radar_range, config.lane_limits), config)
+    playbacks = in_direction(
+        playbacks_of(recordings, config.radar_range, config.lane_limits, config.entry), config
+    )
     return World(config, [playbacks] * egos, shield)
 
 

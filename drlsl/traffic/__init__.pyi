@@ -5,9 +5,10 @@ from .formats import FORMATS, write_parquet
 from .generate import simulate
 from .highd_writer import check_folder, write_highd
 from .load import load_recording, load_recordings, load_source
-from .recording import Recording, VehicleClass
+from .recording import OFF_LANE, Recording, VehicleClass
 from .report import RecordingReport, Spread, recording_report
 from .road import Direction, Lane, MergingLane, Traffic
+from .road_network import RAMP_LIMIT
 from .road_presets import PRESETS, Merge, find_preset
 from .source import Source
 from .sources import BUNDLED, bundled_recordings, find_source, find_sources
@@ -18,7 +19,9 @@ __all__ = [
     "BUNDLED",
     "FORMATS",
     "NUMBERS",
+    "OFF_LANE",
     "PRESETS",
+    "RAMP_LIMIT",
     "Boxes",
     "Direction",
     "Floats",

@@ -23,7 +23,8 @@ class Lane:
     """One lane of the road, a strip along x.
 
     `id` counts 1, 2, 3 … from the top (smallest y) over both directions; `centre` [m] is its y, `width` [m]
-    its extent in y, `speed_limit` [m/s] its limit.
+    its extent in y, `speed_limit` [m/s] its limit. `end` [m]: the x where it ends, None if it goes on. The
+    lanes of a recording go on.
     """
 
     id: int
@@ -31,6 +32,7 @@ class Lane:
     centre: float
     width: float
     speed_limit: float
+    end: float | None = None
 
 
 class Traffic(Enum):
@@ -46,9 +48,9 @@ class Traffic(Enum):
 class MergingLane:
     """A lane beside the road from which vehicles join it, before the lane ends.
 
-    It is no `Lane` of the recording: its vehicles are in lane 0, and the ego stays out of it. `centre` [m] is
-    its y, `width` [m] its extent in y, `begin` and `end` [m] the x where it begins and ends, in the order of
-    travel; before it lies the on-ramp.
+    It is no `Lane` of the recording: its vehicles are in lane 0, and the ego stays out of it unless it enters
+    there. `centre` [m] is its y, `width` [m] its extent in y, `begin` and `end` [m] the x where it begins and
+    ends, in the order of travel; before it lies the on-ramp.
     """
 
     direction: Direction

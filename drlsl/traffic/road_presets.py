@@ -212,6 +212,17 @@ _OVERTAKE = replace(
     accelerations=False,
 )
 
+_MERGE = replace(
+    _OVERTAKE,
+    lanes=2,
+    flow=2000.0,
+    truck_share=0.1,
+    stretch=700.0,
+    lane_limits=(100 / 3.6, 120 / 3.6),
+    merges=(Merge(at=200.0, length=250.0, flow=400.0),),
+    seed=21,
+)
+
 PRESETS: Mapping[str, Preset] = {
     "highway-train": _HIGHWAY,
     "highway-test": replace(_HIGHWAY, minutes=2.0, seed=2),
@@ -234,12 +245,15 @@ PRESETS: Mapping[str, Preset] = {
     "overtake-train": _OVERTAKE,
     "overtake-test": replace(_OVERTAKE, minutes=3.0, seed=12),
     "overtake-dense-test": replace(_OVERTAKE, flow=5100.0, minutes=2.0, seed=13),
+    "merge-train": _MERGE,
+    "merge-test": replace(_MERGE, minutes=3.0, seed=22),
 }
 """Presets of `drlsl data generate`; the bundled recordings are made with their defaults.
 
 Flow and truck share of the highway are those of a busy highD recording, 1,700 vehicles in ten minutes. The
 freeway resembles US-101 in the rush hour: five lanes of 12 ft, 65 mph, traffic held up downstream. On the
-overtake roads, long and with many trucks, changing lanes saves time.
+overtake roads, long and with many trucks, changing lanes saves time. The merge roads have an on-ramp with a
+merging lane as long as those of German motorways.
 """
 
 

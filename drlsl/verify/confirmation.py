@@ -180,8 +180,10 @@ class Replay:
         """Yield the scenes that the facts of the images describe."""
         for image in self._image_names():
             vehicles = self._rows(f"{image}:vehicle", 8) or [scene.ego, *scene.in_range()]
-            lanes = self._rows(f"{image}:road_lane", 5)
+            lanes, ends = self._rows(f"{image}:road_lane", 5), self._rows(f"{image}:lane_end", 2)
             road = scene.road if not lanes else _road(scene.road, lanes)
+            if ends:
+                road = _with_ends(road, dict(ends))
             ego, *others = [Vehicle(*row) for row in vehicles]
             yield image, Scene(road, ego, tuple(others), scene.target_lane)
 
@@ -201,8 +203,16 @@ def _plain(value: object) -> object:
 
 
 def _road(road: Road, rows: Sequence[tuple[Any, ...]]) -> Road:
-    lanes = [Lane(lane, Direction(way), centre, width, limit) for lane, way, centre, width, limit in rows]
+    ends = {lane.id: lane.end for lane in road.lanes}
+    lanes = [
+        Lane(lane, Direction(way), centre, width, limit, ends.get(lane))
+        for lane, way, centre, width, limit in rows
+    ]
     return replace(road, lanes=tuple(sorted(lanes, key=lambda lane: lane.centre)))
+
+
+def _with_ends(road: Road, ends: Mapping[int, float]) -> Road:
+    return replace(road, lanes=tuple(replace(lane, end=ends.get(lane.id)) for lane in road.lanes))
 
 
 def _rounded(scene: Scene, digits: int | None) -> Scene:
@@ -222,7 +232,15 @@ def _rounded(scene: Scene, digits: int | None) -> Scene:
         width = round(lane.width, digits)
         top = lane.centre - lane.width / 2
         edge = short(top) if before is None or before.direction is not lane.direction else edge
-        lanes.append(replace(lane, centre=edge + width / 2, width=width, speed_limit=short(lane.speed_limit)))
+        lanes.append(
+            replace(
+                lane,
+                centre=edge + width / 2,
+                width=width,
+                speed_limit=short(lane.speed_limit),
+                end=None if lane.end is None else short(lane.end),
+            )
+        )
         edge, before = edge + width, lane
     road = replace(
         scene.road,
@@ -257,7 +275,10 @@ def _ranges_hold(scene: Scene, symbolic: SymbolicScene) -> bool:
     road, cars = scene.road, (scene.ego, *scene.vehicles)
     sign = symbolic.case.direction(symbolic.case.ego_lane).sign
     lanes = [
-        within("lane_width", lane.width) and within("speed_limit", lane.speed_limit) for lane in road.lanes
+        within("lane_width", lane.width)
+        and within("speed_limit", lane.speed_limit)
+        and (lane.end is None or within("end_ahead", sign * (lane.end - scene.ego.x)))
+        for lane in road.lanes
     ]
     boxes = [
         within("length", car.length)

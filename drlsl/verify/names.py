@@ -12,6 +12,8 @@ from drlsl.traffic import Direction
 
 VEHICLE: Final = SCHEMA.relations["vehicle", 8]
 
+LANE_END: Final = SCHEMA.relations["lane_end", 2]
+
 _ROAD_LANE: Final = SCHEMA.relations["road_lane", 5]
 
 _DIRECTIONS: Final = frozenset(Atom(direction.value) for direction in Direction)
@@ -33,6 +35,11 @@ def mentioned(roots: Iterable[Node], focus: Relation) -> frozenset[Atom]:
             if any(relation == _ROAD_LANE for relation, _ in columns):
                 found |= _DIRECTIONS
     return frozenset(found - {Atom(EGO)})
+
+
+def reads_lane_ends(roots: Iterable[Node]) -> bool:
+    """Return whether nodes depend on where lanes end."""
+    return any(node.op == "facts" and node.data == LANE_END for node in reach(roots))
 
 
 def _sources(node: Node, atoms: set[Atom], columns: set[tuple[Relation, int | None]]) -> None:

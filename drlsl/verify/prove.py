@@ -15,7 +15,7 @@ from drlsl.lowering.frontend import Answer, deep_recursion, lower
 from drlsl.lowering.ir import NotLowerable, Pool
 from drlsl.verify.confirmation import Counterexample, Replay
 from drlsl.verify.floats import Floats, margin_of
-from drlsl.verify.names import mentioned
+from drlsl.verify.names import mentioned, reads_lane_ends
 from drlsl.verify.properties import Book, Property, load
 from drlsl.verify.ranges import Case
 from drlsl.verify.scope import witnesses
@@ -86,7 +86,8 @@ class Prover:
     """A prepared rule program: its lowered properties, each with a sufficient number of vehicles.
 
     `refused` gives the reason for each property that cannot be made a formula. `names` has, by property, the
-    names of vehicles that the rules or the property compare with. `settled` remembers proofs, for cases that
+    names of vehicles that the rules or the property compare with, `ends` the properties that depend on where
+    lanes end. `settled` remembers proofs, for cases that
     ask the same question.
     """
 
@@ -95,6 +96,7 @@ class Prover:
     enough: dict[str, int | None]
     refused: dict[str, str]
     names: dict[str, frozenset[Atom]] = field(default_factory=dict)
+    ends: set[str] = field(default_factory=set)
     settled: set[bytes] = field(default_factory=set)
     judges: Judges = field(default_factory=Judges)
     _pools: dict[str, Pool] = field(default_factory=dict)
@@ -134,7 +136,10 @@ class Prover:
                 prover.answers[one.name] = answer = lowered.answers[0]
                 prover.enough[one.name] = witnesses(answer)
                 prover._pools[one.name] = lowered.pool
-                prover.names[one.name] = mentioned([answer.found, answer.undecided], FOCUS)
+                roots = [answer.found, answer.undecided]
+                prover.names[one.name] = mentioned(roots, FOCUS)
+                if reads_lane_ends(roots):
+                    prover.ends.add(one.name)
         return prover
 
     def property(self, name: str) -> Property:
@@ -150,13 +155,13 @@ class Prover:
 
     def run(self, task: Task) -> list[Finding]:
         """Return the findings about each property of a task, with no more vehicles than sufficient."""
-        simple: dict[tuple[int, frozenset[Atom]], _Translation] = {}
+        simple: dict[tuple[int, frozenset[Atom], bool], _Translation] = {}
         findings = []
         with deep_recursion():
             for name in task.properties:
                 started = time.perf_counter()
                 few = replace(task, vehicles=self._most(name, task.vehicles))
-                kind = (few.vehicles, self.names[name])
+                kind = (few.vehicles, self.names[name], name in self.ends)
                 if kind not in simple:
                     simple[kind] = _Translation(self, few, name, clears=False)
                 before = replace(self.judges)
@@ -215,7 +220,7 @@ def _why(left: Mapping[Part, Outcome], search: _Search, seconds: float) -> str:
 class _Translation:
     """The formulas of one case, made on demand, for a property and others like it.
 
-    Properties are alike if they mention the same names of vehicles.
+    Properties are alike if they mention the same names of vehicles, and all or none where lanes end.
     """
 
     def __init__(self, prover: Prover, task: Task, name: str, *, clears: bool) -> None:
@@ -228,6 +233,7 @@ class _Translation:
             task.vehicles,
             tuple(book.unknowns),
             prover.names[name],
+            ends=name in prover.ends,
         )
         self._formula = Formula(self.scene.algebra, self.scene.facts)
         self._linear = Solver(self.scene, linear=True, settled=prover.settled, judges=prover.judges)

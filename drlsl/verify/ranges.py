@@ -23,12 +23,14 @@ RANGES: Final[dict[str, Range]] = {
     "time_step": (Fraction(1, 100), Fraction(1, 5)),
     "radar_range": (Fraction(20), Fraction(300)),
     "position": (Fraction(-1000), Fraction(1000)),
+    "end_ahead": (Fraction(-1000), Fraction(1000)),
 }
 """The least and greatest value of every quantity, in m, s and m/s.
 
 `ego_speed` and `speed`, that of the others, count in the direction of the ego's lane, `lateral_speed` to its
 right; `median` is the strip between the two directions, `road_position` the y of the middle of the ego's
-lane. A file of properties may narrow or widen a range with a fact ``range(Name, Low, High)``.
+lane, `end_ahead` how far ahead of the ego's centre a lane ends, if it ends. A file of properties may narrow
+or widen a range with a fact ``range(Name, Low, High)``.
 """
 
 TYPICAL: Final[dict[str, Fraction]] = {
@@ -42,6 +44,7 @@ TYPICAL: Final[dict[str, Fraction]] = {
     "time_step": Fraction(1, 25),
     "radar_range": Fraction(100),
     "position": Fraction(0),
+    "end_ahead": Fraction(200),
     "aside": Fraction(0),
     "ego_speed": Fraction(30),
     "speed": Fraction(28),
@@ -64,6 +67,7 @@ NAMES: Final = {
     "time_step": "time step, s",
     "radar_range": "radar range, m",
     "position": "the ego's x, m",
+    "end_ahead": "end of a lane ahead of the ego, m",
 }
 """Descriptions of the ranges."""
 

@@ -24,7 +24,7 @@ from tests.lowering.exported import FLAGS, GCC, NODE
 
 ROOT = Path(__file__).parents[2]
 RULES = ROOT / "rules"
-PROGRAMS = ("highway.pl", "paper.pl", "un_r157.pl", "overtake_left.pl")
+PROGRAMS = ("highway.pl", "paper.pl", "un_r157.pl", "overtake_left.pl", "merge.pl")
 SCENES = 400
 
 needs_gcc = pytest.mark.skipif(GCC is None, reason="there is no C compiler")
@@ -42,7 +42,7 @@ def write(folder: Path, files: dict[str, str]) -> Path:
 def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     folder = tmp_path_factory.mktemp("exported")
     program = RuleProgram.of([RULES / request.param])
-    stored = decide_all(program, draw_scenes(100, 12, seed=3))
+    stored = decide_all(program, draw_scenes(100, 12, seed=3, ends=program.knows_lane_ends))
     write(folder / "c", c_files(program, stored))
     write(folder / "js", js_files(program, stored))
     return request.param, folder
@@ -67,7 +67,7 @@ def test_an_export_passes_its_own_check(exported: tuple[str, Path], to: str) -> 
 def test_the_languages_agree(exported: tuple[str, Path]) -> None:
     name, folder = exported
     c, js = CRules(folder / "c", "-O1"), JsRules(folder / "js")
-    scenes = list(draw_scenes(SCENES, 16, seed=11))
+    scenes = list(draw_scenes(SCENES, 16, seed=11, ends=name == "merge.pl"))
     assert list(differences(PythonRules(str(RULES / name)), c, js, scenes)) == []
 
 
@@ -126,7 +126,8 @@ def test_reasons_are_those_that_query_prints(
 ) -> None:
     program = RuleProgram.of([RULES / rules])
     js = JsRules(write(tmp_path / "js", js_files(program, ())))
-    scenes = [load_scene(ROOT / "examples" / "scene.json"), *draw_scenes(8, 12, seed=2)]
+    drawn = draw_scenes(8, 12, seed=2, ends=rules == "merge.pl")
+    scenes = [load_scene(ROOT / "examples" / "scene.json"), *drawn]
     for scene, found in zip(scenes, js.decide(scenes), strict=True):
         path = tmp_path / "scene.json"
         path.write_text(scene_json(scene))

@@ -23,7 +23,7 @@ from tests.lowering import programs
 
 ROOT = Path(__file__).parents[2]
 RULES = ROOT / "rules"
-PROGRAMS = ("highway.pl", "paper.pl", "un_r157.pl", "overtake_left.pl")
+PROGRAMS = ("highway.pl", "paper.pl", "un_r157.pl", "overtake_left.pl", "merge.pl")
 SCENES: Final = 200
 
 needs_swipl = pytest.mark.skipif(shutil.which("swipl") is None, reason="SWI-Prolog is not installed")
@@ -34,7 +34,8 @@ needs_gprolog = pytest.mark.skipif(shutil.which("gprolog") is None, reason="GNU 
 def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     program = RuleProgram.of([RULES / request.param])
     folder = tmp_path_factory.mktemp("prolog")
-    write(folder, prolog_files(program, decide_all(program, draw_scenes(SCENES, 12, seed=4))))
+    scenes = draw_scenes(SCENES, 12, seed=4, ends=program.knows_lane_ends)
+    write(folder, prolog_files(program, decide_all(program, scenes)))
     return folder
 
 

@@ -15,10 +15,10 @@ from drlsl.logic import Engine
 from drlsl.lowering.frontend import Mode, Query, lower
 from drlsl.lowering.ir import NotLowerable
 from tests.lowering.tiers import Tiers
-from tests.scenes import scenes
+from tests.scenes import scenes, scenes_with_ends
 
 RULES = Path(__file__).parents[2] / "rules"
-PROGRAMS = ("highway.pl", "overtake_left.pl", "paper.pl")
+PROGRAMS = ("highway.pl", "overtake_left.pl", "paper.pl", "merge.pl")
 
 
 @cache
@@ -65,7 +65,12 @@ NOT_LOWERED = {
         *("nearest/3", "section_room/2", "section_view/3", "side_limit/3", "speed_on_the_right/2"),
     },
     "paper.pl": {"room/2"},
+    "merge.pl": {"nearest/3", "section_room/2", "section_view/3", "side_limit/3"},
 }
+
+
+def scenes_for(program: str) -> st.SearchStrategy[Scene]:
+    return scenes_with_ends() if program == "merge.pl" else scenes()
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -78,7 +83,7 @@ def test_every_predicate_can_be_lowered(program: str) -> None:
 @settings(deadline=None, max_examples=10, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_every_predicate_answers_the_same_in_all_tiers(program: str, data: st.DataObject) -> None:
-    drawn = [facts(scene) for scene in data.draw(st.lists(scenes(), min_size=1, max_size=3))]
+    drawn = [facts(scene) for scene in data.draw(st.lists(scenes_for(program), min_size=1, max_size=3))]
     for query in queries(program):
         both = tiers(program, query)
         if both is not None:
@@ -96,8 +101,9 @@ DECISION = (
 
 @pytest.mark.parametrize("program", PROGRAMS)
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
-@given(scene=scenes())
-def test_what_driving_asks_is_decided_without_the_interpreter(program: str, scene: Scene) -> None:
+@given(data=st.data())
+def test_what_driving_asks_is_decided_without_the_interpreter(program: str, data: st.DataObject) -> None:
+    scene = data.draw(scenes_for(program))
     for query in DECISION:
         both = tiers(program, query)
         assert both is not None

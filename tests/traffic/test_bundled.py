@@ -29,7 +29,8 @@ from drlsl.traffic.simulated_drivers import HARDEST_BRAKING
 
 HIGHWAYS = ("highway-train", "highway-test")
 OVERTAKES = ("overtake-train", "overtake-test", "overtake-dense-test")
-NAMES = (*HIGHWAYS, "freeway", *OVERTAKES)
+MERGES = ("merge-train", "merge-test")
+NAMES = (*HIGHWAYS, "freeway", *OVERTAKES, *MERGES)
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +58,16 @@ def test_there_is_one_for_each_preset() -> None:
     assert set(bundled_recordings()) == set(NAMES) == set(PRESETS)
 
 
-def test_all_together_take_four_megabytes_at_most() -> None:
-    assert sum(path.stat().st_size for path in BUNDLED.rglob("*") if path.is_file()) <= 4_000_000
+def test_all_together_take_four_and_a_half_megabytes_at_most() -> None:
+    assert sum(path.stat().st_size for path in BUNDLED.rglob("*") if path.is_file()) <= 4_500_000
 
 
 DIGESTS = {
     "freeway": "d2f7165852846aa96a3d8546a04de5f35a2a8b1fe20066f5962e134aac3aaa1d",
     "highway-test": "4c0b89d48ad778cb9b3af14e1faecc533d09e6ad5c98ec258e264db2014febeb",
     "highway-train": "79bea190a005055e2c1dbd9d443f88049456453d84f7f1a340a2cdbfaf3ac83a",
+    "merge-test": "56fc07291e34cc36c32dfe48ae4716c8e58364eabefd57b4db776ab6a585d13f",
+    "merge-train": "05cf12c4dfeb13962026aa79b7e1661e6e24c7834aec0863f9f9e1e916dd2996",
     "overtake-dense-test": "1bf444eb1e6f95057cdd51044fd146cc669ff5f6013bc692c493273b7e28050a",
     "overtake-test": "00e914d0b8936426a4268e5014058c9d93605bcc90e83c2544a739814f32a766",
     "overtake-train": "a95fe4703fc79d76caa19ef28a722bf0ca30a7fbc69ae67552ac7e7701d6f5bd",
@@ -146,9 +149,34 @@ def test_an_overtake_road_is_long_and_has_slow_trucks_and_fast_cars(
     assert left.mean - right.mean > 8
 
 
-def test_only_the_overtake_roads_say_that_their_traffic_reacts(recordings: Mapping[str, Recording]) -> None:
+@pytest.mark.parametrize("name", MERGES)
+def test_a_merge_road_has_a_ramp_from_which_vehicles_join(
+    recordings: Mapping[str, Recording], reports: Mapping[str, RecordingReport], name: str
+) -> None:
+    recording, report = recordings[name], reports[name]
+    assert recording.frame_rate == 10.0
+    assert [lane.speed_limit for lane in recording.lanes] == pytest.approx([120 / 3.6, 100 / 3.6], abs=0.01)
+    (ramp,) = recording.merging_lanes
+    assert (ramp.begin, ramp.end) == (200.0, 450.0)
+    frames = recording.frames
+    off = frames.valid & (frames.lane == 0)
+    assert np.abs(frames.y[off] - ramp.centre).max() <= ramp.width / 2
+    assert frames.x[off].max() < ramp.end
+    on_the_ramp, on_the_road = (
+        set(frames.vehicle[rows].tolist()) for rows in (off, frames.valid & (frames.lane > 0))
+    )
+    seen_to_the_end = on_the_ramp - set(frames.vehicle[-1].tolist())
+    assert seen_to_the_end <= on_the_road
+    assert len(seen_to_the_end) > 10
+    # Those on the ramp are seen from where it runs beside the road.
+    assert report.appearances_mid_road == pytest.approx(len(on_the_ramp), abs=3)
+
+
+def test_the_overtake_and_the_merge_roads_say_that_their_traffic_reacts(
+    recordings: Mapping[str, Recording],
+) -> None:
     reacts = {name for name, recording in recordings.items() if recording.traffic is Traffic.REACTIVE}
-    assert reacts == set(OVERTAKES)
+    assert reacts == {*OVERTAKES, *MERGES}
 
 
 @pytest.mark.parametrize("name", HIGHWAYS)
@@ -172,7 +200,7 @@ def test_no_two_boxes_overlap(reports: Mapping[str, RecordingReport], name: str)
     assert gap.minimum > 1.0
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in MERGES])
 def test_nobody_appears_mid_road(reports: Mapping[str, RecordingReport], name: str) -> None:
     # A vehicle is seen once its box is wholly on the stretch, so 15 m leave room for a step of 4 m.
     assert reports[name].appearances_mid_road == 0
@@ -221,7 +249,7 @@ def test_vehicles_vary_in_size(recordings: Mapping[str, Recording], name: str) -
 
 
 def test_train_and_test_are_different_traffic(recordings: Mapping[str, Recording]) -> None:
-    for names in (HIGHWAYS, OVERTAKES[:2]):
+    for names in (HIGHWAYS, OVERTAKES[:2], MERGES):
         train, test = (recordings[name].frame(0) for name in names)
         assert not set(train.x.tolist()) & set(test.x.tolist())
 

@@ -48,6 +48,7 @@ class _LaneModel(_Model):
     centre: float
     width: float
     speed_limit: float
+    end: float | None = None
 
 
 class _RoadModel(_Model):
@@ -186,6 +187,8 @@ def _header(
     space, road = episode.observation, asdict(episode.road)
     for lane in road["lanes"]:
         lane["direction"] = lane["direction"].value
+        if lane["end"] is None:
+            del lane["end"]
     bounds = zip(space.low, space.high, strict=True)
     return {
         "format": FORMAT,
@@ -318,7 +321,8 @@ def _check_places(places: npt.NDArray[Any], most: int, name: str, path: Path) ->
 
 def _road(model: _RoadModel) -> Road:
     lanes = tuple(
-        Lane(one.id, Direction(one.direction), one.centre, one.width, one.speed_limit) for one in model.lanes
+        Lane(one.id, Direction(one.direction), one.centre, one.width, one.speed_limit, one.end)
+        for one in model.lanes
     )
     return Road(
         lanes,

@@ -23,7 +23,7 @@ REASONS: Final = 256
 """For how many lanes, vehicles and reasons there is room."""
 
 _ATOMS: Final = (EGO, Direction.LEFT_TO_RIGHT.value, Direction.RIGHT_TO_LEFT.value, *ATOMS)
-_ROWS: Final = {"vehicle": VEHICLES + 1, "road_lane": LANES}
+_ROWS: Final = {"vehicle": VEHICLES + 1, "road_lane": LANES, "lane_end": LANES}
 
 
 def c_files(program: RuleProgram, stored: Sequence[StoredDecision]) -> dict[str, str]:
@@ -149,7 +149,7 @@ def _fill(program: CProgram) -> str:
     """Return the function that states the facts of a scene."""
     lines = []
     for relation, name in program.relations.items():
-        lines += _LANE_ROWS if relation.name == "road_lane" else _single(relation, name)
+        lines += _ROWS_OF.get(relation.name, []) or _single(relation, name)
     if any(relation.name == "vehicle" for relation in program.relations):
         lines += _VEHICLE_ROWS
     if not any(relation.name == "road_lane" for relation in program.relations):
@@ -196,6 +196,20 @@ for (int32_t place = -1; place < scene->vehicle_count; place += 1) {
         facts->vehicle_count += 1;
     }
 }""".splitlines()
+
+
+_END_ROWS: Final = """\
+facts->lane_end_count = 0;
+for (int32_t place = 0; place < scene->road.lane_count; place += 1) {
+    const drlsl_lane *const lane = &scene->road.lanes[place];
+    if (lane->ends) {
+        facts->lane_end[facts->lane_end_count].lane = (double)lane->id;
+        facts->lane_end[facts->lane_end_count].x = lane->end;
+        facts->lane_end_count += 1;
+    }
+}""".splitlines()
+
+_ROWS_OF: Final = {"road_lane": _LANE_ROWS, "lane_end": _END_ROWS}
 
 
 def _write(program: RuleProgram, decision: CProgram) -> list[str]:
@@ -336,7 +350,8 @@ def _check(stored: Sequence[StoredDecision], head: str, *, exact: bool) -> str:
 
 def _lane(lane: Lane) -> str:
     numbers = ", ".join(map(repr, map(float, (lane.centre, lane.width, lane.speed_limit))))
-    return f"    {{{lane.id}, DRLSL_{lane.direction.name}, {numbers}}},"
+    end = "false, 0.0" if lane.end is None else f"true, {float(lane.end)!r}"
+    return f"    {{{lane.id}, DRLSL_{lane.direction.name}, {numbers}, {end}}},"
 
 
 def _vehicle(number: int, car: Vehicle) -> str:

@@ -58,7 +58,8 @@ def export_rules(paths: Sequence[Path], to: str, out: Path, *, decisions: int = 
     try:
         make = FORMATS[to].files
         make(program, ())  # what cannot be exported is refused before a thousand scenes are decided
-        files = make(program, decide_all(program, draw_scenes(decisions, VEHICLES, seed=1)))
+        scenes = draw_scenes(decisions, VEHICLES, seed=1, ends=program.knows_lane_ends)
+        files = make(program, decide_all(program, scenes))
     except NotLowerable as problem:
         raise UserError(f"these rules cannot be exported to {to}: {problem}") from problem
     return _write(out, files)

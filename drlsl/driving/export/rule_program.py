@@ -66,6 +66,11 @@ class RuleProgram:
         """Return whether the program answers a question."""
         return self.shield.engine.defines(question.name, question.arity)
 
+    @property
+    def knows_lane_ends(self) -> bool:
+        """Return whether the program declares the fact that a lane ends, or has been told it."""
+        return self.shield.engine.is_dynamic("lane_end", 2)
+
     def head(self, comment: str) -> str:
         """Return the first lines of an exported file: what it was made from, and by what."""
         lines = [

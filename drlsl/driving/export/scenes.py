@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from drlsl.driving.scene import EGO, Road, Scene, Vehicle
@@ -14,11 +15,15 @@ _LIMITS: Final = (13.9, 22.0, 30.0, 36.11)
 _LENGTHS: Final = (4.0, 4.6, 12.0)
 
 
-def draw_scenes(count: int, vehicles: int, seed: int) -> Iterator[Scene]:
-    """Yield `count` scenes with up to `vehicles` others; all lengths and speeds have two decimals."""
-    rng = random.Random(seed)
+def draw_scenes(count: int, vehicles: int, seed: int, *, ends: bool = False) -> Iterator[Scene]:
+    """Yield `count` scenes with up to `vehicles` others; all lengths and speeds have two decimals.
+
+    With `ends` some of the lanes end; all else is the same.
+    """
+    rng, other = random.Random(seed), random.Random(seed + 1)
     for _ in range(count):
-        yield _scene(rng, vehicles)
+        scene = _scene(rng, vehicles)
+        yield replace(scene, road=_with_ends(other, scene)) if ends else scene
 
 
 def _scene(rng: random.Random, most: int) -> Scene:
@@ -59,6 +64,14 @@ def _road(rng: random.Random) -> Road:
         for number in range(upper + lower)
     )
     return Road(lanes, rng.choice((0.04, 0.1)), 100.0)
+
+
+def _with_ends(rng: random.Random, scene: Scene) -> Road:
+    def end() -> float | None:
+        ahead = rng.choice((rng.uniform(-20.0, 20.0), rng.uniform(-300.0, 300.0)))
+        return round(scene.ego.x + ahead, 2) if rng.random() < 0.5 else None
+
+    return replace(scene.road, lanes=tuple(replace(lane, end=end()) for lane in scene.road.lanes))
 
 
 def _vehicle(rng: random.Random, name: str, road: Road, ego: Vehicle) -> Vehicle:

@@ -31,6 +31,7 @@ SCHEMA: Final = Schema(
             capacity=6,
             fields=("id", "direction", "centre", "width", "speed_limit"),
         ),
+        Relation("lane_end", ("int", "float"), key=0, capacity=6, fields=("lane", "x")),
         Relation("target_lane", ("int",), single=True),
         *(Relation(name, ("float",), single=True) for name in _NUMBERS),
     ]
@@ -49,6 +50,7 @@ def road_facts(road: Road) -> Facts:
         ("road_lane", 5): [
             (lane.id, lane.direction.value, lane.centre, lane.width, lane.speed_limit) for lane in road.lanes
         ],
+        ("lane_end", 2): [(lane.id, lane.end) for lane in road.lanes if lane.end is not None],
         **{(name, 1): [(getattr(road, name),)] for name in _NUMBERS},
     }
 

@@ -33,6 +33,7 @@ class LaneModel(_Model):
     centre_m: float = Field(description="The y of its centre line.")
     width_m: Positive = Field(description="Its width.")
     speed_limit_mps: Positive = Field(description="Its speed limit.")
+    end_m: float | None = Field(None, description="The x where it ends; if not given, it goes on.")
 
 
 class RoadModel(_Model):
@@ -146,7 +147,14 @@ def _named_lanes(model: SceneModel) -> Iterator[tuple[str, int]]:
 def _road(model: RoadModel) -> Road:
     lanes = sorted(
         (
-            Lane(lane.id, Direction(lane.direction), lane.centre_m, lane.width_m, lane.speed_limit_mps)
+            Lane(
+                lane.id,
+                Direction(lane.direction),
+                lane.centre_m,
+                lane.width_m,
+                lane.speed_limit_mps,
+                lane.end_m,
+            )
             for lane in model.lanes
         ),
         key=lambda lane: lane.centre,
@@ -181,16 +189,7 @@ def scene_json(scene: Scene) -> str:
     road = scene.road
     data = {
         "road": {
-            "lanes": [
-                {
-                    "id": lane.id,
-                    "direction": lane.direction.value,
-                    "centre_m": lane.centre,
-                    "width_m": lane.width,
-                    "speed_limit_mps": lane.speed_limit,
-                }
-                for lane in road.lanes
-            ],
+            "lanes": [_lane_json(lane) for lane in road.lanes],
             "time_step_s": road.time_step,
             "radar_range_m": road.radar_range,
         },
@@ -198,6 +197,17 @@ def scene_json(scene: Scene) -> str:
         "vehicles": [{"id": vehicle.id, **_box_json(vehicle)} for vehicle in scene.vehicles],
     }
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
+
+
+def _lane_json(lane: Lane) -> dict[str, float | int | str]:
+    data = {
+        "id": lane.id,
+        "direction": lane.direction.value,
+        "centre_m": lane.centre,
+        "width_m": lane.width,
+        "speed_limit_mps": lane.speed_limit,
+    }
+    return data if lane.end is None else {**data, "end_m": lane.end}
 
 
 def write_scenes(folder: Path, scenes: Mapping[str, Scene]) -> list[Path]:

@@ -250,6 +250,9 @@ def finish(
     length: Floats1,
     low: Floats1,
     high: Floats1,
+    low_after: Floats1,
+    high_after: Floats1,
+    end: Floats1,
     limit: Floats1,
     track_length: Floats1,
     tracks: Floats3,
@@ -264,14 +267,18 @@ def finish(
 ) -> bool:
     """Write what became of the egos in this frame: `events` (6, N) and `numbers` (5 and the terms, N).
 
-    `track_length` [m]: of each playback. Return whether there is a contact, or anybody is to enter anew.
+    `track_length` [m]: of each playback. Where a lane has ended, the ego may only be in those that go on.
+    Return whether there is a contact, or anybody is to enter anew.
     """
     eventful = False
     for ego in range(len(x)):
         playing = not ended[ego]
         over = frame[ego] >= frames[ego]
         contact = playing and not over and touches_any(touching, ego)
-        off_road = playing and (y[ego] - ego_width / 2 < low[ego] or y[ego] + ego_width / 2 > high[ego])
+        upper, lower = y[ego] - ego_width / 2, y[ego] + ego_width / 2
+        off_road = playing and (upper < low[ego] or lower > high[ego])
+        if sign[ego] * x[ego] + ego_length / 2 > end[ego]:
+            off_road |= playing and (upper < low_after[ego] or lower > high_after[ego])
         terminated = contact or off_road
         metres = track_length[playback[ego]]
         truncated = playing and not terminated and distance[ego] >= metres

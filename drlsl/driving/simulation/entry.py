@@ -13,7 +13,7 @@ from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation.playback import Playback
 from drlsl.errors import UserError
-from drlsl.traffic import Floats, Integers, Lane
+from drlsl.traffic import RAMP_LIMIT, Floats, Integers, Lane
 
 OFFSET: Final = 60.0
 """Least distance of an entry from the beginning of the stretch [m], so that the ego sees its follower."""
@@ -29,6 +29,9 @@ PAUSE: Final = 0.5
 
 AHEAD: Final = 4
 """Frames of a search per query of the rules."""
+
+RAMP_ZONE: Final = 40.0
+"""Length of the part of a merging lane where the ego enters, from its beginning [m]."""
 
 SLOW: Final = 10.0
 """Percentage of the recorded speeds that are slower than the ego is expected to be."""
@@ -51,21 +54,26 @@ def room_to_drive(playback: Playback, ego_length: float) -> float:
 
 
 def track_length(playback: Playback, config: EnvConfig) -> float:
-    """Return the length of an episode [m]: as configured, else the longer of the paper's and the stretch."""
+    """Return the length of an episode [m]: as configured, else the longer of the paper's and the stretch.
+
+    From a ramp it is the rest of the stretch: one merge.
+    """
     if config.track_length is not None:
         return config.track_length
-    return max(TRACK_LENGTH, room_to_drive(playback, config.ego_length))
+    room = room_to_drive(playback, config.ego_length)
+    return max(TRACK_LENGTH, room) if playback.ramp is None else room
 
 
 def beginnings(playback: Playback, config: EnvConfig) -> int:
     """Return the number of frames, from the first on, in which an episode may begin.
 
-    Where the stretch holds the paper's episode in one piece, an episode that fits into it begins early enough
-    that an ego at the speed of slow traffic, the lowest tenth, reaches its end before the recording ends. A
-    recording that is too short for that, and every other one, is used from any frame.
+    Where the stretch holds the paper's episode in one piece, or the ego enters on a ramp, an episode that
+    fits into it begins early enough that an ego at the speed of slow traffic, the lowest tenth, reaches its
+    end before the recording ends. A recording that is too short for that, and every other one, is used from
+    any frame.
     """
     room, track = room_to_drive(playback, config.ego_length), track_length(playback, config)
-    if room < TRACK_LENGTH or track > room:
+    if (room < TRACK_LENGTH and playback.ramp is None) or track > room:
         return playback.frames
     film = playback.film
     own = film.valid & np.isin(film.lane, [lane.id for lane in playback.lanes])
@@ -76,6 +84,9 @@ def beginnings(playback: Playback, config: EnvConfig) -> int:
 
 def _zone(playback: Playback) -> tuple[float, float]:
     """Return where the part of the stretch begins and ends in which the ego enters [m]."""
+    if playback.ramp is not None:
+        begin, end = playback.along(playback.ramp.begin), playback.along(playback.ramp.end)
+        return begin, min(begin + RAMP_ZONE, (begin + end) / 2)
     begin = min(OFFSET, playback.length / 4)
     return begin, min(begin + ZONE, playback.length / 2)
 
@@ -91,16 +102,18 @@ class Entries:
         """Prepare the search of entries for an ego of a `size`, length and width [m]."""
         begin, end = _zone(playback)
         along = begin + (np.arange(PLACES) + 0.5) * (end - begin) / PLACES
-        count = len(playback.lanes) * PLACES
+        self._lanes = playback.entry_lanes
+        count = len(self._lanes) * PLACES
         self._playback = playback
         self._shield = shield
         self._size = size
         self._step = max(1, round(PAUSE / playback.road.time_step))
-        self._lane = np.repeat(np.arange(len(playback.lanes)), PLACES)
-        self._lane_id = np.array([lane.id for lane in playback.lanes])[self._lane]
-        self._centre = np.array([lane.centre for lane in playback.lanes])[self._lane]
-        self._limit = np.array([lane.speed_limit for lane in playback.lanes])[self._lane]
-        self._x = np.tile(playback.at(along), len(playback.lanes))
+        self._lane = np.repeat(np.arange(len(self._lanes)), PLACES)
+        self._lane_id = np.array([lane.id for lane in self._lanes])[self._lane]
+        self._centre = np.array([lane.centre for lane in self._lanes])[self._lane]
+        fastest = np.inf if playback.ramp is None else RAMP_LIMIT
+        self._limit = np.array([min(lane.speed_limit, fastest) for lane in self._lanes])[self._lane]
+        self._x = np.tile(playback.at(along), len(self._lanes))
         self._known = np.zeros(playback.frames, dtype=np.bool_)
         self._safe = np.zeros((playback.frames, count), dtype=np.bool_)
         self._speed = np.zeros((playback.frames, count))
@@ -122,7 +135,7 @@ class Entries:
             if choices.size:
                 chosen = int(choices[rng.integers(choices.size)])
                 x, speed = float(self._x[chosen]), float(self._speed[at, chosen])
-                return Entry(at, playback.lanes[int(self._lane[chosen])], x, speed)
+                return Entry(at, self._lanes[int(self._lane[chosen])], x, speed)
         raise UserError(
             f"no gap that the rules call safe in {playback.frames} frames of {playback.direction.value} "
             "traffic; use a recording with less traffic or rules that ask for less room"

@@ -8,17 +8,19 @@ from typing import Self
 
 import numpy as np
 
-from drlsl.driving.config import EnvConfig
+from drlsl.driving.config import EntryPlace, EnvConfig
 from drlsl.driving.scene import Road
 from drlsl.driving.simulation.fault import Track
 from drlsl.errors import UserError
 from drlsl.traffic import (
     NUMBERS,
+    OFF_LANE,
     Direction,
     Floats,
     Integers,
     Lane,
     Mask,
+    MergingLane,
     Recording,
     Traffic,
     load_recordings,
@@ -93,7 +95,8 @@ class Film:
 class Playback:
     """One direction of a recording's road: `lanes` are those of the direction.
 
-    `traffic`: what the recording says that its vehicles do about an ego.
+    `traffic`: what the recording says that its vehicles do about an ego. `ramp`: where the ego enters, if not
+    on the road; the lane there is the one of `lanes` that ends.
     """
 
     film: Film
@@ -103,6 +106,7 @@ class Playback:
     x_min: float
     x_max: float
     traffic: Traffic = Traffic.RECORDED
+    ramp: MergingLane | None = None
 
     def __deepcopy__(self, memo: object) -> Self:
         """Return the playback itself: nothing in it changes."""
@@ -123,9 +127,18 @@ class Playback:
         """Length of the recorded stretch of road [m]."""
         return self.x_max - self.x_min
 
+    @property
+    def entry_lanes(self) -> tuple[Lane, ...]:
+        """The lanes in which the ego enters: the one that ends if it enters on a ramp, else all."""
+        return self.lanes if self.ramp is None else tuple(one for one in self.lanes if one.end is not None)
+
     def at(self, along: Floats | float) -> Floats | float:
         """Return the x that is `along` [m] from the beginning of the stretch."""
         return self.x_min + along if self.sign > 0 else self.x_max - along
+
+    def along(self, x: float) -> float:
+        """Return how far x is from the beginning of the stretch [m]."""
+        return x - self.x_min if self.sign > 0 else self.x_max - x
 
     def track(self, frame: int, slot: int, since: int) -> Track:
         """Return the track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
@@ -135,28 +148,37 @@ class Playback:
 
 
 def playbacks_of(
-    recordings: Iterable[Recording], radar_range: float, limits: Sequence[float] = ()
+    recordings: Iterable[Recording],
+    radar_range: float,
+    limits: Sequence[float] = (),
+    entry: EntryPlace = "road",
 ) -> list[Playback]:
     """Return both directions of each recording, for egos that see `radar_range` [m] far.
 
     `limits`: speed limits of the lanes of a direction [m/s], from right to left, in place of the recording's.
+    `entry`: where the ego enters; with "ramp", the merging lane of each direction is one of its lanes.
 
     Raises:
-        UserError: a direction has another number of lanes.
+        UserError: a direction has another number of lanes, or not one merging lane.
     """
     result: list[Playback] = []
     for given in recordings:
         recording = _with_limits(given, limits) if limits else given
         film, road = Film.of(recording), road_of(recording, radar_range)
+        ramps: dict[Direction, MergingLane] = {}
+        if entry == "ramp":
+            ramps = {direction: _ramp_of(recording, direction) for direction in recording.directions}
+            film, road = _with_ramps(recording, film, road, ramps.values())
         result.extend(
             Playback(
                 film,
                 road,
                 direction,
-                recording.lanes_of(direction),
+                road.lanes_of(direction),
                 recording.x_min,
                 recording.x_max,
                 recording.traffic,
+                ramps.get(direction),
             )
             for direction in recording.directions
         )
@@ -184,12 +206,12 @@ def load_playbacks(configs: Iterable[EnvConfig]) -> list[list[Playback]]:
     Raises:
         UserError: a recording cannot be read, or has no lane in the requested direction.
     """
-    loaded: dict[tuple[str, float, tuple[float, ...]], list[Playback]] = {}
+    loaded: dict[tuple[str, float, tuple[float, ...], EntryPlace], list[Playback]] = {}
     result = []
     for config in configs:
         playbacks = []
         for name in config.recordings:
-            key = name, config.radar_range, config.lane_limits
+            key = name, config.radar_range, config.lane_limits, config.entry
             if key not in loaded:
                 loaded[key] = playbacks_of(load_recordings(name), *key[1:])
             playbacks.extend(loaded[key])
@@ -210,6 +232,38 @@ def _with_limits(recording: Recording, limits: Sequence[float]) -> Recording:
             replace(lane, speed_limit=limit) for lane, limit in zip(from_the_right, limits, strict=True)
         ]
     return replace(recording, lanes=tuple(sorted(lanes, key=lambda lane: lane.id)))
+
+
+def _ramp_of(recording: Recording, direction: Direction) -> MergingLane:
+    """Return the merging lane of a direction.
+
+    Raises:
+        UserError: there is none, or there are several.
+    """
+    found = [lane for lane in recording.merging_lanes if lane.direction is direction]
+    if len(found) != 1:
+        raise UserError(
+            f"entry ramp: {recording.name} has {len(found)} merging lanes that run {direction.value}; "
+            "expected one, as in the recordings merge-train and merge-test"
+        )
+    return found[0]
+
+
+def _with_ramps(
+    recording: Recording, film: Film, road: Road, ramps: Iterable[MergingLane]
+) -> tuple[Film, Road]:
+    """Return film and road with merging lanes as lanes that end, after the others by their ids."""
+    lanes, lane_of = list(road.lanes), film.lane.copy()
+    x, y = film.numbers[0], film.numbers[1]
+    for number, ramp in enumerate(ramps, start=len(lanes) + 1):
+        sign = ramp.direction.sign
+        road_lanes = recording.lanes_of(ramp.direction)
+        right = road_lanes[-1 if sign > 0 else 0]
+        lanes.append(Lane(number, ramp.direction, ramp.centre, ramp.width, right.speed_limit, ramp.end))
+        inside = film.valid & (lane_of == OFF_LANE) & (sign * x <= sign * ramp.end)
+        lane_of[inside & (np.abs(y - ramp.centre) <= ramp.width / 2)] = number
+    lanes.sort(key=lambda lane: lane.centre)
+    return replace(film, lane=lane_of), replace(road, lanes=tuple(lanes))
 
 
 def road_of(recording: Recording, radar_range: float) -> Road:
@@ -238,9 +292,10 @@ class Courses:
 
     `begin`, `frames`: the first row of the film and the number of rows; `dt` [s]; `sign` of motion along x;
     `road`, an index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`,
-    the edges of the direction's lanes [m]; `limit`: the highest speed limit of the direction [m/s]; `lanes`:
-    the number of lanes; `slots`: the number of slots of its own
-    film. Of shape (N, L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
+    the edges of the direction's lanes, `low_after` and `high_after` of those that go on where one ends, at
+    `end`, counted along the direction and infinite if all go on [m]; `limit`: the highest speed limit of the
+    direction [m/s]; `lanes`: the number of lanes; `slots`: the number of slots of its own film. Of shape (N,
+    L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
     """
 
     begin: Integers
@@ -252,6 +307,9 @@ class Courses:
     length: Floats
     low: Floats
     high: Floats
+    low_after: Floats
+    high_after: Floats
+    end: Floats
     limit: Floats
     lanes: Integers
     slots: Integers
@@ -287,8 +345,7 @@ class Playbacks:
             road=np.array([self.roads.index(one.road) for one in playbacks]),
             start=np.array([one.at(0.0) for one in playbacks]),
             length=np.array([one.length for one in playbacks]),
-            low=np.array([min(lane.centre - lane.width / 2 for lane in one.lanes) for one in playbacks]),
-            high=np.array([max(lane.centre + lane.width / 2 for lane in one.lanes) for one in playbacks]),
+            **_edges(playbacks),
             limit=np.array([max(lane.speed_limit for lane in one.lanes) for one in playbacks]),
             lanes=np.array([len(one.lanes) for one in playbacks]),
             slots=np.array([one.film.valid.shape[1] for one in playbacks]),
@@ -296,3 +353,20 @@ class Playbacks:
             centre=centre,
             width=width,
         )
+
+
+def _edges(playbacks: Sequence[Playback]) -> dict[str, Floats]:
+    """Return where the lanes are, by the names of `Courses`."""
+    rows = []
+    for one in playbacks:
+        goes_on = [lane for lane in one.lanes if lane.end is None]
+        ends = [one.sign * lane.end for lane in one.lanes if lane.end is not None]
+        rows.append((*_strip(one.lanes), *_strip(goes_on), min([np.inf, *ends])))
+    names = ("low", "high", "low_after", "high_after", "end")
+    return dict(zip(names, np.array(rows).T.copy(), strict=True))
+
+
+def _strip(lanes: Iterable[Lane]) -> tuple[float, float]:
+    """Return the edges of neighbouring lanes."""
+    edges = [lane.centre + side * lane.width / 2 for lane in lanes for side in (-1, 1)]
+    return min(edges), max(edges)

@@ -16,6 +16,7 @@ import numpy as np
 
 from drlsl.driving.scene import SceneBatch
 from drlsl.driving.simulation.controllers import LANE_GAIN, LATERAL_SPEED_LIMIT
+from drlsl.driving.simulation.playback import Courses
 from drlsl.traffic import Floats, Mask
 
 TICK: Final = 0.1
@@ -32,14 +33,35 @@ def predicted_actions(scenes: SceneBatch, targets: Floats, low: Floats, high: Fl
     `targets` (N, 3): the y [m] that each action steers for, NaN for one that would be ignored; `low` and
     `high` (N,): the edges of the ego's lanes [m].
     """
-    ticks = math.ceil(horizon / TICK)
-    times = horizon * np.arange(1, ticks + 1) / ticks
+    times = _moments(horizon)
     half = scenes.width[:, 0, None] / 2
     edges = low[:, None] + half, high[:, None] - half
     path = sideways(scenes.y[:, 0], targets, times)
     on_road = (targets >= edges[0]) & (targets <= edges[1])
     on_road &= ((path >= edges[0][..., None]) & (path <= edges[1][..., None])).all(axis=2)
     return on_road & ~_meets(scenes, path, times)
+
+
+def lane_goes_on(scenes: SceneBatch, targets: Floats, courses: Courses, horizon: float) -> Mask:
+    """Return the mask of actions that leave a lane before it ends, for `horizon` [s], shape (N, 3).
+
+    `targets` are those of `predicted_actions`; NaN counts as leaving no lane.
+    """
+    times = _moments(horizon)
+    front = courses.sign * scenes.x[:, 0] + scenes.length[:, 0] / 2
+    ahead = (courses.sign * scenes.vx[:, 0])[:, None] * times
+    past = front[:, None] + ahead > courses.end[:, None]
+    half = scenes.width[:, 0, None, None] / 2
+    path = sideways(scenes.y[:, 0], targets, times)
+    low, high = courses.low_after[:, None, None], courses.high_after[:, None, None]
+    within = (path - half >= low) & (path + half <= high)
+    return np.asarray((within | ~past[:, None, :]).all(axis=2))
+
+
+def _moments(horizon: float) -> Floats:
+    """Return the predicted moments [s], shape (T,)."""
+    ticks = math.ceil(horizon / TICK)
+    return horizon * np.arange(1, ticks + 1) / ticks
 
 
 def sideways(y: Floats, targets: Floats, times: Floats) -> Floats:

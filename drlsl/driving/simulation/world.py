@@ -35,7 +35,7 @@ from drlsl.driving.simulation.entry import Entries, Entry, beginnings, track_len
 from drlsl.driving.simulation.fault import judge
 from drlsl.driving.simulation.measures import Measures, Meter
 from drlsl.driving.simulation.playback import Playback, Playbacks
-from drlsl.driving.simulation.prediction import NOTHING_OFFERED, predicted_actions
+from drlsl.driving.simulation.prediction import NOTHING_OFFERED, lane_goes_on, predicted_actions
 from drlsl.driving.simulation.reactive import ReactiveTraffic
 from drlsl.driving.simulation.reward import chosen_terms, reward_weights
 from drlsl.driving.simulation.sensing import Sensing
@@ -78,9 +78,10 @@ class World:
     """N egos that drive in recordings.
 
     An ego's episode: enter in a safe gap, drive the length of the track, re-entering at the beginning of the
-    stretch whenever it or the recording ends. One step is one recorded frame. The world offers actions, but
-    does not enforce them: it also drives a lane change that is not offered. During a lane change, new lane
-    changes are ignored. Between the end of its episode and its reset, an ego's state is undefined.
+    stretch, or of its merging lane, whenever it or the recording ends. One step is one recorded frame. The
+    world offers actions, but does not enforce them: it also drives a lane change that is not offered. During
+    a lane change, new lane changes are ignored. Between the end of its episode and its reset, an ego's state
+    is undefined.
     """
 
     def __init__(
@@ -286,6 +287,9 @@ class World:
             courses.length,
             courses.low,
             courses.high,
+            courses.low_after,
+            courses.high_after,
+            courses.end,
             courses.limit,
             self._tracks,
             past.rows,
@@ -457,6 +461,8 @@ class World:
         courses = self._courses.take(places)
         targets = self._egos.targets(decisions.lane_to_keep, self._courses, places)
         mask = predicted_actions(seen, targets, courses.low, courses.high, self.config.prediction_horizon)
+        if np.isfinite(courses.end).any():
+            mask &= lane_goes_on(seen, targets, courses, self.config.prediction_horizon)
         # If the rules failed, their fail-safe stands.
         mask[list(decisions.failures)] = decisions.action_mask[list(decisions.failures)]
         stuck = np.flatnonzero(~mask.any(axis=1)).tolist()

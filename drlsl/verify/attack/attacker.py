@@ -157,6 +157,7 @@ class _Target:
             unknowns=book.unknowns,
             names=[name for name in dict.fromkeys(atoms) if name not in (EGO, NOBODY)],
             constants=[one for one in _combined(numbers) if np.isfinite(one)],
+            ends=("lane_end", 2) in self.program.reads,
         )
         self.relevant = relevant_columns(self.layout, self.program)
         self.parts = _parts(lowered.pool, roots)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Final, TypeAlias
 
@@ -59,6 +60,12 @@ class _Places:
         self.valid: Mask = near & _beside(np.ones((len(drawn), 1), dtype=np.bool_), drawn.present)
         self.lane = self._lanes(layout, drawn)
 
+    def ends(self, layout: Layout, drawn: Drawn) -> tuple[Floats, Mask]:
+        """Return the x where each lane ends, and whether it does."""
+        ends = self.x[:, :1] + self.sign * drawn.numbers[:, layout.end_ahead]
+        lanes = np.arange(1, ends.shape[1] + 1) <= layout.lanes[drawn.case][:, None]
+        return ends, lanes & (drawn.numbers[:, layout.ends] >= 0.5)
+
     def _lanes(self, layout: Layout, drawn: Drawn) -> Integers:
         """Return the lane that holds each centre, 0 for none; on the line between two, either."""
         half = self.widths / 2
@@ -98,6 +105,9 @@ def array_facts(layout: Layout, drawn: Drawn, code: Callable[[str], int]) -> dic
         ("time_step", 1): Rows([drawn.numbers[:, layout.scalar["time_step"]]]),
         ("radar_range", 1): Rows([drawn.numbers[:, layout.scalar["radar_range"]]]),
     }
+    if layout.has_ends:
+        ends, there = places.ends(layout, drawn)
+        facts["lane_end", 2] = Rows([numbers, ends], there)
     facts.update({(name, 1): Rows([np.array([value])]) for name, value in EGO_LIMITS.items()})
     facts.update({(name, 1): Rows([drawn.numbers[:, place]]) for name, place in layout.unknown.items()})
     return facts
@@ -124,14 +134,13 @@ def scene_of(layout: Layout, drawn: Drawn) -> tuple[Scene, str, dict[str, float]
         return Vehicle(name, int(places.lane[0, row]), *(float(column[0, row]) for column in columns))
 
     limits = drawn.numbers[0, layout.limits]
+    ends = _ends_of(layout, drawn, places)
+    columns = (places.centres[0], places.widths[0], limits)
     lanes = tuple(
-        Lane(
-            lane,
-            case.direction(lane),
-            *(float(values[lane - 1]) for values in (places.centres[0], places.widths[0], limits)),
-        )
+        Lane(lane, case.direction(lane), *(float(one[lane - 1]) for one in columns))
         for lane in range(1, case.lanes + 1)
     )
+    lanes = tuple(replace(lane, end=ends.get(lane.id)) for lane in lanes)
     road = Road(
         lanes=lanes,
         time_step=float(drawn.numbers[0, layout.scalar["time_step"]]),
@@ -143,6 +152,14 @@ def scene_of(layout: Layout, drawn: Drawn) -> tuple[Scene, str, dict[str, float]
     named = name_of(layout, drawn, focus) if focus in there else NOBODY
     values = {name: float(drawn.numbers[0, place]) for name, place in layout.unknown.items()}
     return Scene(road, car(EGO, 0), others, case.target_lane), named, values
+
+
+def _ends_of(layout: Layout, drawn: Drawn, places: _Places) -> dict[int, float]:
+    """Return where the lanes of the only scene end, by the lanes that do."""
+    if not layout.has_ends:
+        return {}
+    ends, there = places.ends(layout, drawn)
+    return {lane + 1: float(ends[0, lane]) for lane in np.flatnonzero(there[0]).tolist()}
 
 
 # -------------------------------------------------------------------------------------------- exact numbers
@@ -186,6 +203,11 @@ def exact_facts(layout: Layout, drawn: Drawn) -> ExactFacts | None:
     facts: ExactFacts = {
         ("vehicle", 8): rows,
         ("road_lane", 5): lanes,
+        ("lane_end", 2): [
+            (lane.id, value["position"] + sign * exact[layout.end_ahead][lane.id - 1])
+            for lane in scene.road.lanes
+            if lane.end is not None
+        ],
         ("target_lane", 1): [(case.target_lane,)],
         ("focus", 1): [(Atom(focus),)],
     }

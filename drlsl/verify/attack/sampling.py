@@ -40,7 +40,7 @@ _TYPICAL_SPECIALS: Final = (0.0, 1.0)
 class Layout:
     """The columns of a scene's numbers in a row, with the bounds of each.
 
-    `names` are the possible names of a vehicle besides a name of its own.
+    `names` are the possible names of a vehicle besides a name of its own. With `ends` each lane may end.
     """
 
     def __init__(
@@ -52,6 +52,7 @@ class Layout:
         unknowns: Iterable[str] = (),
         names: Sequence[str] = (),
         constants: Iterable[float] = (),
+        ends: bool = False,
     ) -> None:
         self.cases = tuple(cases)
         self.vehicles = vehicles
@@ -62,6 +63,7 @@ class Layout:
             "aside": _around(ranges["lane_width"][1] / 2),
             "ahead": _around(ranges["radar_range"][1]),
             "right": _around(ranges["radar_range"][1] + ranges["lane_width"][1]),
+            "ends": (Fraction(0), Fraction(1)),
         }
         lanes = range(1, MOST_LANES_ONE_WAY + 1)
         self.kinds: list[str] = [
@@ -70,6 +72,7 @@ class Layout:
             *(_KINDS.get(name, name) for name in SCALARS),
             *(_KINDS.get(name, name) for _ in range(vehicles) for name in OF_A_VEHICLE),
             *self.unknowns,
+            *(kind for kind in ("end_ahead", "ends") for _ in lanes if ends),
         ]
         self.widths = slice(0, len(lanes))
         self.limits = slice(len(lanes), 2 * len(lanes))
@@ -78,6 +81,9 @@ class Layout:
         self.first_vehicle = first + len(SCALARS)
         after = self.first_vehicle + vehicles * len(OF_A_VEHICLE)
         self.unknown = {name: after + place for place, name in enumerate(self.unknowns)}
+        first_end = after + len(self.unknowns)
+        self.end_ahead = slice(first_end, first_end + len(lanes) * ends)
+        self.ends = slice(self.end_ahead.stop, len(self.kinds))
         self.across = np.array([kind in _ACROSS for kind in self.kinds])
         self.low, self.high = self._bounds()
         self.specials = self._specials(sorted(set(constants)))
@@ -86,6 +92,11 @@ class Layout:
         self.ego_lane = np.array([case.ego_lane for case in cases], dtype=np.int64)
         self.target = np.array([case.target_lane for case in cases], dtype=np.int64)
         self.sign = np.array([case.direction(case.ego_lane).sign for case in cases], dtype=np.float64)
+
+    @property
+    def has_ends(self) -> bool:
+        """Whether lanes may end."""
+        return self.ends.stop > self.ends.start
 
     @property
     def columns(self) -> int:
@@ -194,6 +205,9 @@ def draw(layout: Layout, rng: np.random.Generator, count: int) -> Drawn:
     if layout.vehicles:
         _place(layout, rng, drawn)
         normalise(layout, drawn)
+    if layout.has_ends:
+        _place_ends(layout, rng, drawn)
+        normalise(layout, drawn)
     return drawn
 
 
@@ -260,6 +274,14 @@ def _place(layout: Layout, rng: np.random.Generator, drawn: Drawn) -> None:
     drawn.numbers[:, layout.vehicle("speed")] = np.where(
         alike, drawn.numbers[:, layout.scalar["ego_speed"]][:, None], speeds
     )
+
+
+def _place_ends(layout: Layout, rng: np.random.Generator, drawn: Drawn) -> None:
+    """Put the ends of most lanes where they matter: at all distances from the ego's front."""
+    ends = drawn.numbers[:, layout.end_ahead]
+    front = drawn.numbers[:, [layout.scalar["ego_length"]]] / 2
+    room = rng.choice([1.0, 1.0, -1.0], size=ends.shape) * 400.0 * 10.0 ** -rng.uniform(0.0, 6.0, ends.shape)
+    drawn.numbers[:, layout.end_ahead] = np.where(rng.random(ends.shape) < 0.7, front + room, ends)
 
 
 def normalise(layout: Layout, drawn: Drawn) -> None:

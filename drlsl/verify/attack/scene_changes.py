@@ -36,6 +36,8 @@ def relevant_columns(layout: Layout, program: BatchProgram[Any]) -> Mask:
             kinds.update(table.get(column, ()))
     if 2 in program.columns_read("vehicle", 8):
         kinds.update(("position", "radar_range"))
+    if ("lane_end", 2) in program.reads:
+        kinds.update(("end_ahead", "ends"))
     relevant = np.array([kind in kinds for kind in layout.kinds])
     return relevant if relevant.any() else np.ones(layout.columns, dtype=np.bool_)
 
@@ -64,6 +66,9 @@ def _chosen(layout: Layout, rng: np.random.Generator, drawn: Drawn, relevant: Ma
     lanes = np.arange(layout.widths.stop)[None, :] < layout.lanes[drawn.case][:, None]
     counts[:, layout.widths] &= lanes
     counts[:, layout.limits] &= lanes
+    if layout.has_ends:
+        counts[:, layout.ends] &= lanes
+        counts[:, layout.end_ahead] &= lanes
     often = rng.choice([1.0, 2.0, 4.0], size=(count, 1)) / np.maximum(1, counts.sum(axis=1, keepdims=True))
     chosen: Mask = (rng.random(counts.shape) < often) & counts
     return chosen

@@ -59,6 +59,8 @@ def _fact_columns(ranges: Mapping[str, Range]) -> dict[tuple[str, int], tuple[Ap
     strip = (lane, ANY, touching, of("lane_width"), of("speed_limit"))
     result = {("vehicle", place): pair for place, pair in enumerate(zip(ego, other, strict=True))}
     result |= {("road_lane", place): (one, one) for place, one in enumerate(strip)}
+    end = around(ego_x, of("end_ahead").magnitude)
+    result |= {("lane_end", place): (one, one) for place, one in enumerate((lane, end))}
     single = {name: of(name) for name in ranges}
     single |= {
         "target_lane": lane,

@@ -58,7 +58,7 @@ class SymbolicScene:
     `facts` are the rows of all relations. `always` holds in every scene; `about` is the part of it that
     mentions a flag, by the flag's name. `usual` gives unknowns the value that a counterexample should have,
     with 1, or 2 for a speed. `unknowns` name facts of one number each that a property uses besides the scene.
-    Each vehicle may have one of `names`, or else one of its own.
+    Each vehicle may have one of `names`, or else one of its own. With `ends` each lane may end.
     """
 
     def __init__(
@@ -69,6 +69,8 @@ class SymbolicScene:
         vehicles: int,
         unknowns: Sequence[str] = (),
         names: Iterable[Atom] = (),
+        *,
+        ends: bool = False,
     ) -> None:
         self.algebra = algebra
         self.case = case
@@ -81,13 +83,14 @@ class SymbolicScene:
         self.about: dict[str, list[Bool]] = {}
         self.usual: dict[int, tuple[int, Fraction]] = {}
         self._numbers: dict[str, Polynomial] = {}
+        self._ends: dict[int, Row] = {}
         self._lanes()
         self._ego = self._ego_box()
         own = (f"v{number}" for number in itertools.count(1) if Atom(f"v{number}") not in self.names)
         self._boxes = [self._vehicle_box(name) for name in itertools.islice(own, self.vehicles)]
         self._name_boxes()
         self._order()
-        self._facts()
+        self._facts(ends=ends)
 
     # ---------------------------------------------------------------- unknowns
 
@@ -233,7 +236,7 @@ class SymbolicScene:
 
     # ---------------------------------------------------------------- facts
 
-    def _facts(self) -> None:
+    def _facts(self, *, ends: bool) -> None:
         algebra, booleans = self.algebra, self.algebra.booleans
         true = booleans.true
         lanes = range(1, self.case.lanes + 1)
@@ -258,6 +261,9 @@ class SymbolicScene:
             )
             for lane in lanes
         ]
+        if ends:
+            self._ends = {lane: self._end_row(lane, x) for lane in lanes}
+        self.facts["lane_end", 2] = list(self._ends.values())
         self.facts["target_lane", 1] = [Row(true, (target,))]
         self.facts["focus", 1] = [Row(true, (focus,))]
         number("time_step", self._unknown("time_step", "time_step"))
@@ -272,6 +278,13 @@ class SymbolicScene:
         ring = self.algebra.ring
         place = ring.add(x, box.dx)
         return Row(box.present, (box.id, box.lane, place, box.y, box.vx, box.vy, box.length, box.width))
+
+    def _end_row(self, lane: int, x: Polynomial) -> Row:
+        """Return the row of a lane's end, which holds if it ends."""
+        booleans = self.algebra.booleans
+        ahead = self._forward(self._unknown("end_ahead", f"end_of_lane_{lane}"))
+        place = self.algebra.ring.add(x, ahead)
+        return Row(booleans.flag(f"lane_{lane}_ends"), ({lane: booleans.true}, place))
 
     def _focus(self) -> Finite:
         """Return the name of one existing vehicle, or `none`."""
@@ -325,8 +338,12 @@ class SymbolicScene:
             name, lane, *numbers = row.columns
             return Vehicle(str(chosen(name)), int(chosen(lane)), *map(number, numbers))
 
+        def end(lane: int) -> float | None:
+            row = self._ends.get(lane)
+            return number(row.columns[1]) if row is not None and holds(row.present, {}, flags) else None
+
         lanes = tuple(
-            Lane(lane, self.case.direction(lane), number(centre), number(width), number(limit))
+            Lane(lane, self.case.direction(lane), number(centre), number(width), number(limit), end(lane))
             for lane, (centre, width, limit) in enumerate(
                 zip(self.centres, self.widths, self.limits, strict=True), start=1
             )

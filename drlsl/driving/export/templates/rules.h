@@ -28,6 +28,8 @@ typedef struct {
     int32_t id; /* 1 or more, each once */
     drlsl_direction direction;
     double centre, width, speed_limit; /* centre: the y of the centre line */
+    bool ends;                         /* whether it ends at the x `end`; else that is not read */
+    double end;
 } drlsl_lane;
 
 typedef struct {

@@ -89,7 +89,7 @@ function positive(value, place) {
 }
 
 function lane_of(lane, place) {
-  object_of(lane, place, ["id", "direction", "centre_m", "width_m", "speed_limit_mps"]);
+  object_of(lane, place, ["id", "direction", "centre_m", "width_m", "speed_limit_mps", "end_m"]);
   if (!Number.isSafeInteger(lane.id) || lane.id < 1) throw new Problem(`${place}.id is ${lane.id}; expected 1 or more`);
   if (!["left_to_right", "right_to_left"].includes(lane.direction)) {
     throw new Problem(`${place}.direction is ${lane.direction}; expected left_to_right or right_to_left`);
@@ -100,6 +100,7 @@ function lane_of(lane, place) {
     centre: number(lane.centre_m, `${place}.centre_m`),
     width: positive(lane.width_m, `${place}.width_m`),
     speed_limit: positive(lane.speed_limit_mps, `${place}.speed_limit_mps`),
+    end: lane.end_m === undefined || lane.end_m === null ? null : number(lane.end_m, `${place}.end_m`),
   };
 }
 
@@ -154,6 +155,7 @@ function facts_of({ lanes, time_step, radar_range, ego, vehicles, target_lane })
   return {
     "vehicle/8": [row({ id: "ego", ...ego }), ...seen.map(row)],
     "road_lane/5": lanes.map((lane) => [lane.id, lane.direction, lane.centre, lane.width, lane.speed_limit]),
+    "lane_end/2": lanes.filter((lane) => lane.end !== null).map((lane) => [lane.id, lane.end]),
     "target_lane/1": [[target_lane]],
     "time_step/1": [[time_step]],
     "radar_range/1": [[radar_range]],
