@@ -14,7 +14,11 @@ from typing import TYPE_CHECKING, Any, Final, cast
 if TYPE_CHECKING:  # importlib.abc takes longer to load than the rest of this module
     from importlib.abc import Loader
 
-ENV_ID: Final = "drlsl/Highway-v0"
+ENV_IDS: Final = {
+    "drlsl/Highway-v0": ("single:HighwayEnv", "vector:HighwayVectorEnv"),
+    "drlsl/Merge-v0": ("merge:MergeEnv", "merge:MergeVectorEnv"),
+}
+"""The environments: modules and classes of the single one and of the vector one, in `drlsl.driving.envs`."""
 
 _SHOWN: Final = (
     ("image/png", "drlsl.driving.scene.model", "Scene", "drlsl.driving.explain:scene_png"),
@@ -34,11 +38,12 @@ def register_with_gymnasium() -> None:
 def _register() -> None:
     import gymnasium
 
-    gymnasium.register(
-        ENV_ID,
-        entry_point="drlsl.driving.envs.single:HighwayEnv",
-        vector_entry_point="drlsl.driving.envs.vector:HighwayVectorEnv",
-    )
+    for name, (single, vector) in ENV_IDS.items():
+        gymnasium.register(
+            name,
+            entry_point=f"drlsl.driving.envs.{single}",
+            vector_entry_point=f"drlsl.driving.envs.{vector}",
+        )
 
 
 def register_with_ipython() -> None:

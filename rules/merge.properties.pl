@@ -81,5 +81,5 @@ spec_end_in_path(Room) :-
     spec_direction(Direction), spec_ends(Lane, Room), road_lane(Lane, Direction, Y, Width, _),
     Y - Width / 2 < max(Y0, Centre) + Width0 / 2, Y + Width / 2 > min(Y0, Centre) - Width0 / 2.
 
-% turned: the scene seen from the other side of the road; of properties.pl, with the ends of the lanes.
+% image(turned, Fact, Goal): adds the ends of lanes to the scene of properties.pl that is seen from the other side of the road.
 image(turned, lane_end(Lane, X1), ( lane_end(Lane, X), X1 is -X )).

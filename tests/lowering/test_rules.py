@@ -65,7 +65,7 @@ NOT_LOWERED = {
         *("nearest/3", "section_room/2", "section_view/3", "side_limit/3", "speed_on_the_right/2"),
     },
     "paper.pl": {"room/2"},
-    "merge.pl": {"nearest/3", "section_room/2", "section_view/3", "side_limit/3"},
+    "merge.pl": {"nearest/3", "offered/2", "section_room/2", "section_view/3", "side_limit/3"},
 }
 
 

@@ -39,15 +39,21 @@ def config_of(who: str, settings: Mapping[str, Any], others: Sequence[str]) -> E
         raise UserError(f"{who}: {problem_text(problem, place, 'is not a setting')}") from error
 
 
-def the_config(who: str, config: Any, settings: Mapping[str, Any], others: Sequence[str]) -> Any:
-    """Return `config`, or the configuration with these settings if it is None.
+def the_config(
+    who: str,
+    config: Any,
+    settings: Mapping[str, Any],
+    others: Sequence[str],
+    defaults: Mapping[str, Any],
+) -> Any:
+    """Return `config`, or the configuration with these settings, else with `defaults`, if it is None.
 
     Raises:
         TypeError: there are both, or there is no such setting.
         UserError: a setting has a value that it cannot have.
     """
     if config is None:
-        return config_of(who, settings, others)
+        return config_of(who, {**defaults, **settings}, others)
     if settings:
         raise TypeError(
             f"{who}.__init__() got a configuration and {', '.join(settings)}: put them into the configuration"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple, TypeAlias
+from types import MappingProxyType
+from typing import Any, ClassVar, Final, NamedTuple, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -54,6 +55,9 @@ class HighwayEnv(gymnasium.Env[Any, np.int64]):
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012  (Gymnasium declares it so)
 
+    DEFAULTS: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """Settings that differ from those of `EnvConfig` where none are given."""
+
     def __init__(
         self,
         config: EnvConfig | None = None,
@@ -76,7 +80,7 @@ class HighwayEnv(gymnasium.Env[Any, np.int64]):
             UserError: a setting has a value that it cannot have, or the recording, the rules or the render
                 mode cannot be used.
         """
-        self.config: EnvConfig = the_config(type(self).__name__, config, settings, _KEYWORDS)
+        self.config: EnvConfig = the_config(type(self).__name__, config, settings, _KEYWORDS, self.DEFAULTS)
         self._mode = check_mode(mode, ENV_MODES)
         self._format = masks.mask_format(mask_format)
         self.shield = shield or Shield.from_files(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from types import MappingProxyType
+from typing import Any, ClassVar, Final, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -48,6 +49,9 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
 
     metadata: dict[str, Any] = {"render_modes": [RGB_ARRAY]}  # noqa: RUF012  (Gymnasium declares it so)
 
+    DEFAULTS: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """Settings that differ from those of `EnvConfig` where none are given."""
+
     def __init__(
         self,
         config: EnvConfig | Sequence[EnvConfig] | None = None,
@@ -75,7 +79,8 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
             UserError: a setting has a value that it cannot have, a recording, the rules or the render mode
                 cannot be used, or the configurations do not fit together.
         """
-        configs = _configs(the_config(type(self).__name__, config, settings, _KEYWORDS), num_envs)
+        given = the_config(type(self).__name__, config, settings, _KEYWORDS, self.DEFAULTS)
+        configs = _configs(given, num_envs)
         self._mode = check_mode(mode, ENV_MODES)
         self._format = masks.mask_format(mask_format)
         self.config = configs[0]

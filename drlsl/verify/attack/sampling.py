@@ -95,7 +95,7 @@ class Layout:
 
     @property
     def has_ends(self) -> bool:
-        """Whether lanes may end."""
+        """True if lanes may end."""
         return self.ends.stop > self.ends.start
 
     @property
