@@ -121,6 +121,7 @@ def test_a_vehicle_on_one_side_bars_that_side_alone(beside: int, offered: str) -
         **{key: [(1.0,)] for key, relation in SCHEMA.relations.items() if relation.single},
         ("vehicle", 8): [("ego", 2, 0.0, 7.0, 20.0, 0.0, 4.0, 2.0), other],
         ("road_lane", 5): lanes,
+        ("lane_end", 2): [],
         ("target_lane", 1): [(2,)],
         ("radar_range", 1): [(100.0,)],
     }
@@ -148,6 +149,7 @@ def test_a_changed_rule_text_changes_both_tiers() -> None:
         ],
         ("road_lane", 5): [(1, "left_to_right", 2.0, 3.5, 30.0), (2, "left_to_right", 5.5, 3.5, 30.0)],
         **{(name, 1): [(1.0,)] for (name, _), relation in SCHEMA.relations.items() if relation.single},
+        ("lane_end", 2): [],
         ("target_lane", 1): [(1,)],
         ("radar_range", 1): [(50.0,)],
     }
