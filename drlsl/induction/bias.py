@@ -44,6 +44,7 @@ _DECLARED: Final = f"""
 OBJECTIONS: Final = """\
 :- abolish(objection/2).
 
+% objection(Action, Reason): Reason speaks against a lane change: one is under way, or no lane is open.
 objection(Action, changing_lanes) :- lane_change(Action, _), \\+ settled.
 objection(Action, no_lane) :- lane_change(Action, Side), \\+ side_lane(Side, _).
 objection(Action, no_opening) :- lane_change(Action, Side), \\+ opening(Side).

@@ -21,7 +21,7 @@ from drlsl.induction.examination import BadChange, Stressed, bad_changes, broken
 from drlsl.induction.examples import Examples
 from drlsl.induction.label_cache import cached_changes
 from drlsl.induction.labelled_changes import Changes, Labelling
-from drlsl.induction.learnt_file import learnt_text
+from drlsl.induction.learnt_file import contradiction_words, learnt_text
 from drlsl.induction.search_problem import LearntClause, SearchProblem, covered
 from drlsl.traffic import load_recording
 from drlsl.verify import Prover, Result
@@ -143,6 +143,8 @@ class Learnt:
             f"{len(problem.hardest):,} that are hardest to leave out matter; {problem.contradicted:,} safe "
             "ones cannot be offered, since an unsafe one is as easy on every quantity"
         )
+        if problem.contradiction is not None:
+            examples += f"; for instance {contradiction_words(problem, self.examples)}"
         best = "no choice is better" if last.optimal else "the best choice that was found in time"
         ended = "nothing went wrong in the last" if last.clean else "the last one still brought examples"
         driven = [
@@ -219,6 +221,11 @@ class LearningRun:
             problem = self._problem(examples)
             if ended:
                 break
+            if problem.safe_count == problem.contradicted:
+                raise UserError(
+                    "no safe lane change can be offered; see whether the declared directions, more and less, "
+                    f"are right: {contradiction_words(problem, examples)}"
+                )
             found = search(
                 problem, clauses=request.clauses, literals=request.literals, seconds=request.seconds
             )

@@ -10,7 +10,7 @@ import numpy as np
 
 from drlsl.induction.bias import OBJECTIONS, SIDES
 from drlsl.induction.examples import Examples
-from drlsl.induction.search_problem import LearntClause
+from drlsl.induction.search_problem import LearntClause, SearchProblem
 
 _WIDTH = 130
 
@@ -110,6 +110,15 @@ def example_words(place: int, examples: Examples) -> str:
         for one, ease in zip(examples.bias.quantities, examples.eases[place], strict=True)
     )
     return f"{examples.origin[place]}, to the {SIDES[int(examples.side[place])]}: {values}"
+
+
+def contradiction_words(problem: SearchProblem, examples: Examples) -> str:
+    """Return a safe example and an unsafe one that is as easy on every quantity; there must be such two."""
+    assert problem.contradiction is not None
+    safe, unsafe = problem.contradiction
+    safe_words = example_words(int((~examples.unsafe).nonzero()[0][safe]), examples)
+    unsafe_words = example_words(int(examples.unsafe_places[unsafe]), examples)
+    return f"this one was safe ({safe_words}) and this one was not ({unsafe_words})"
 
 
 def _short(quantity: str) -> str:

@@ -14,11 +14,11 @@ from drlsl.assurance import EgoRow, RoadRow, Score, Staging, VehicleRow, load_ta
 from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.files import write_atomic
-from drlsl.induction.bias import SIDES
+from drlsl.induction.bias import SIDES, Side
 from drlsl.induction.examples import Examples
 from drlsl.induction.learnt_file import FixedLimit, example_words, fixed_limits
 from drlsl.induction.search_problem import LearntClause
-from drlsl.induction.told_scene import accelerations, moves, simplified, staged
+from drlsl.induction.told_scene import accelerations, faster, moves, simplified, staged
 from drlsl.traffic import Direction
 
 _ROADS: Final = """\
@@ -28,15 +28,26 @@ _ROADS: Final = """\
       - {row: middle lane, actions: [keep, left, right], objections: {left: [], right: []}}
       - {row: right lane, ego: {lane: 1}, actions: [keep, left], objections: {right: [no_lane]}}
       - {row: left lane, ego: {lane: 3}, actions: [keep, right], objections: {left: [no_lane]}}
-      - {row: on the way to the left, ego: {target: left}, actions: [keep]}
-      - {row: on the way to the right, ego: {target: right}, actions: [keep]}
+      - row: on the way to the left
+        ego: {target: left}
+        actions: [keep]
+        objections: {right: [changing_lanes], left: [changing_lanes]}
+      - row: on the way to the right
+        ego: {target: right}
+        actions: [keep]
+        objections: {right: [changing_lanes], left: [changing_lanes]}
 """
 
 _FINEST: Final = 0.01
 """How far from a limit the nearer of two scenes stands [m, m/s]."""
 
+_FASTER: Final = (0.0, 10.0, 20.0)
+"""How much faster all drive in scenes near a limit, if the example itself cannot be moved to it [m/s]."""
+
 _WITNESS_ROUNDS: Final = 3
 """How often rows that notice surviving mutants are searched and added."""
+
+ANY_ORDER: Final = "The order of the clauses makes no difference: one that holds is enough."
 
 NOT_FOUND: Final = (
     "No scene near those of the table was found in which it differs: the example that fixes the limit is not "
@@ -50,8 +61,6 @@ class LearntTable:
     def __init__(self, rules: Path, clauses: Sequence[LearntClause], examples: Examples) -> None:
         self._rules, self._clauses, self._examples = rules, clauses, examples
         self._shield = Shield.from_files([rules], tier="scalar")
-        self.left_out = 0
-        """Limits for which no scene could be told."""
 
     def text(self) -> str:
         """Return the table."""
@@ -62,15 +71,15 @@ class LearntTable:
         for limit in fixed_limits(self._clauses, self._examples):
             rows = None if limit.example is None else list(self._rows(limit))
             if not rows:
-                self.left_out += 1
                 continue
             assert limit.example is not None
             one = self._examples.bias.quantities[limit.quantity]
             yield f"\n  # clause {limit.clause + 1}; {example_words(limit.example, self._examples)}\n"
             yield f"  - scene: '{one} {'at least' if one.more else 'at most'} {one.words(limit.ease)}'\n"
             yield "    rows:\n"
+            side = SIDES[int(self._examples.side[limit.example])]
             for words, scene in rows:
-                yield f"      - {self._row(words, scene)}\n"
+                yield f"      - {self._row(words, scene, side)}\n"
 
     def _rows(self, limit: FixedLimit) -> Iterator[tuple[str, Staging]]:
         """Yield the scene that fixes a limit, and one on either side of the limit, if they are found."""
@@ -81,12 +90,14 @@ class LearntTable:
             return
         scene = simplified(scene, lambda other: self._leaves_out(other, side, limit))
         yield "the example", scene
-        for change in (moves, accelerations):
-            found = self._crossing(scene, side, limit, change)
-            if found is not None:
-                yield "just not", found[0]
-                yield "just", found[1]
-                return
+        for speed in _FASTER:
+            near = faster(scene, speed)
+            for change in (moves, accelerations):
+                found = self._crossing(near, side, limit, change)
+                if found is not None:
+                    yield "just not", found[0]
+                    yield "just", found[1]
+                    return
 
     def _leaves_out(self, scene: Staging, side: int, limit: FixedLimit) -> bool:
         """Return whether only this limit of the clause leaves it out, and no other clause offers it."""
@@ -150,11 +161,12 @@ class LearntTable:
                     return before, at(high * _FINEST)
         return None
 
-    def _row(self, words: str, scene: Staging) -> str:
-        """Return a row of the table, with the actions that the rules offer."""
+    def _row(self, words: str, scene: Staging, side: Side) -> str:
+        """Return a row of the table, with the actions that the rules offer, and why not to this side."""
         told: dict[str, Any] = {"row": words, **yaml.safe_load(scene.row())}
         del told["directions"]
         told["actions"] = _actions(scene, self._shield)
+        told["objections"] = {side: [] if side in told["actions"] else ["no_opening"]}
         return _flow(told)
 
 
@@ -201,8 +213,11 @@ def write_table(rules: Path, clauses: Sequence[LearntClause], examples: Examples
         rows = dict.fromkeys(f"      - {_expecting(one.row, shield)}\n" for one in found)
         text += "\n  - scene: near the limits\n    rows:\n" + "".join(rows)
     assert result is not None
-    names = [verdict.name for verdict in result.survivors]
-    if names:
-        content = {"survivors": [{"reason": NOT_FOUND, "mutants": names}]}
+    why: dict[str, list[str]] = {}
+    for verdict in result.survivors:
+        moved = verdict.name.startswith("opening/1") and ": moved behind" in verdict.name
+        why.setdefault(ANY_ORDER if moved else NOT_FOUND, []).append(verdict.name)
+    if why:
+        content = {"survivors": [{"reason": text, "mutants": names} for text, names in why.items()]}
         write_atomic(reasons, yaml.safe_dump(content, sort_keys=False, width=math.inf).encode())
     return score([rules], load_table(table, shield.observation.names), reasons_of([rules]), jobs=jobs)

@@ -127,3 +127,13 @@ def accelerations(scene: Staging, speed: float) -> Iterator[Staging]:
         for sign in (1.0, -1.0):
             assert car.speed is not None
             yield _with(scene, name, car.model_copy(update={"speed": _short(car.speed + sign * speed)}))
+
+
+def faster(scene: Staging, speed: float) -> Staging:
+    """Return the scene with everyone so much faster [m/s]."""
+    cars = {
+        name: car.model_copy(update={"speed": _short((car.speed or 0.0) + speed)})
+        for name, car in scene.vehicles.items()
+    }
+    ego = scene.ego.model_copy(update={"speed": _short(scene.ego.speed + speed)})
+    return replace(scene, ego=ego, vehicles=cars)

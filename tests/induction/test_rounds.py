@@ -266,3 +266,13 @@ def _one_refutation(request: Request) -> Any:
 
 def _no_stress(rules: Path, recordings: Sequence[str], *rest: Any, **options: Any) -> list[Stressed]:
     return [Stressed(name, {**CLEAN, "distance": 1000.0}, (), 0) for name in recordings]
+
+
+def test_two_examples_that_contradict_the_declared_directions_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bias = tmp_path / "wrong.pl"
+    bias.write_text(":- ensure_loaded('highway.pl').\nlearn(speed_of_all(_), more).\nspeed_of_all(_, 1.0).\n")
+    run = LearningRun(replace(REQUEST, bias=str(bias)), tmp_path / "learnt.pl", print)
+    with pytest.raises(UserError, match=r"this one was safe \(highway-test.*and this one was not \(highway-"):
+        run.run()
