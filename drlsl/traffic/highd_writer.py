@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import lzma
 import re
+import struct
 import tempfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +24,7 @@ from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.road import MergingLane, Traffic
 from drlsl.traffic.tracks import Tracks
 
-RECORDING_FILE = re.compile(r"\d+_(tracks|tracksMeta|recordingMeta)\.csv(\.gz|\.xz)?")
+RECORDING_FILE = re.compile(r"\d+_((tracks|tracksMeta|recordingMeta)\.csv(\.gz|\.xz)?|highway\.png)")
 """The files of a recording, the only ones that `force` replaces."""
 
 
@@ -35,7 +37,8 @@ class HighdContent:
     empty for a direction without lanes; `speed_limit` [m/s] is None for no limit. `lane_limits` [m/s], one
     for each lane from the top, take its place where there are any. `merging_lanes` and `traffic` are as in
     Recording. These three are columns of recordingMeta that highD does not have, written only where they say
-    something. `location` is highD's locationId, which its other readers need; None: not written.
+    something. `location` is highD's locationId; with it a picture of one pixel is written, as
+    other readers need both. None: neither.
     """
 
     tracks: Tracks
@@ -96,10 +99,23 @@ def write_highd(
                     (fresh / f"{part}_{kind}.csv.xz").write_bytes(packed)
                 else:
                     (fresh / f"{part}_{kind}.csv").write_bytes(text)
+            if content.location is not None:
+                (fresh / f"{part}_highway.png").write_bytes(_picture())
             _swap(fresh, folder, aside=Path(scratch) / "old")
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error}") from error
     return folder
+
+
+def _picture() -> bytes:
+    """Return a PNG of one grey pixel: other readers leave out a recording without a picture of its road."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", 1, 1, 8, 0, 0, 0, 0)
+    pixel = zlib.compress(b"\0\x80")
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixel) + chunk(b"IEND", b"")
 
 
 def _swap(fresh: Path, folder: Path, *, aside: Path) -> None:

@@ -51,14 +51,33 @@ FORMATS: dict[str, tuple[Callable[[Path, Traffic], Path], str, Traffic]] = {
         "",
         traffic(),
     ),
+    "AUTOMATUM": (twins.write_automatum, "", traffic()),
+    "AUTOMATUM, vehicle's frame": (
+        lambda path, made: twins.write_automatum(path, made, world=False),
+        "",
+        traffic(),
+    ),
+    "OSI": (twins.write_osi, "", traffic(rate=20.0)),
+    "OSI without speeds": (
+        lambda path, made: twins.write_osi(path, made, speeds=False),
+        "",
+        traffic(rate=20.0),
+    ),
+    "OSI without roads": (
+        lambda path, made: twins.write_osi(path, made, roads=False),
+        "",
+        traffic(rate=20.0),
+    ),
 }
-SUFFIX = {"I-24": ".json", "Comm": ".xml", "TGSI": ".csv"}
+SUFFIX = {"I-24": ".json", "Comm": ".xml", "TGSI": ".csv", "OSI": ".mcap", "OSI ": ".mcap"}
 
 
 def written(name: str, folder: Path) -> tuple[Path, str, Traffic]:
     write, part, made = FORMATS[name]
     if name == "SUMO FCD, Parquet":
         pytest.importorskip("pyarrow")
+    if name.startswith("OSI"):
+        pytest.importorskip("betterosi")
     return write(folder / f"made{SUFFIX.get(name[:4], '')}", made), part, made
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from pathlib import Path
+from typing import Any
 
 from tests.traffic.writing import FOOT, Row, write_highd
 
@@ -310,6 +311,11 @@ def write_commonroad(path: Path, made: Traffic, *, version: str = "2020a", speed
         f'<commonRoad timeStepSize="{1 / made.rate}" commonRoadVersion="{version}" '
         'benchmarkID="ZAM_Twin-1_1_T-1">',
     ]
+    if version == "2020a":
+        lines.append(
+            "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude>"
+            "</location><scenarioTags><highway/></scenarioTags>"
+        )
     for number, sign, top, bottom in made.strips():
         along = [0.0, ROAD / 3, ROAD][::sign]
         sides = (top, bottom) if sign > 0 else (bottom, top)
@@ -348,3 +354,108 @@ def _state(row: Row, tag: str, speeds: bool) -> str:
         "</exact></time>"
         f"{speed}</{tag}>"
     )
+
+
+def write_automatum(folder: Path, made: Traffic, *, world: bool = True) -> Path:
+    """AUTOMATUM: a JSON of objects with vectors, and the road as OpenDRIVE, whose lanes' widths are read."""
+    folder.mkdir()
+    objects = []
+    for vehicle, rows in by_vehicle(made):
+        points = [on_map(row.x, row.y) for row in rows]
+        speeds = [velocity_on_map(row) for row in rows]
+        heading = [math.atan2(vy, vx) for vx, vy in speeds]
+        one = {
+            "UUID": f"obj-{vehicle}",
+            "objType": "truck" if rows[0].length > 10 else "car",
+            "length": rows[0].length,
+            "width": rows[0].width,
+            "time": [(row.frame - 1) / made.rate for row in rows],
+            "x_vec": [x for x, _ in points],
+            "y_vec": [y for _, y in points],
+            "psi_vec": heading,
+            "vx_vec": [math.hypot(*speed) for speed in speeds],
+            "vy_vec": [0.0 for _ in rows],
+            "lane_id_vec": [-made.lane(row)[1] * row.lane for row in rows],
+            "road_id_vec": [1 for _ in rows],
+            "tth_dict_vec": [{"front_ego": None} for _ in rows],
+        }
+        if world:
+            one |= {"vx_vec_world": [vx for vx, _ in speeds], "vy_vec_world": [vy for _, vy in speeds]}
+        objects.append(one)
+    objects.append({"UUID": "p", "objType": "pedestrians", "x_vec": [0.0, 1.0]})
+    world_facts = {"Release": 3.0, "UUID": "made", "videoInfo": {"fps": made.rate}, "objects": objects}
+    (folder / "dynamicWorld.json").write_text(json.dumps(world_facts))
+    lanes = "".join(
+        f'<lane id="{-sign * number}" type="driving"><width sOffset="0" a="{bottom - top}" b="0" c="0" '
+        'd="0"/></lane>'
+        for number, sign, top, bottom in made.strips()
+    )
+    (folder / "staticWorld.xodr").write_text(
+        '<OpenDRIVE><road id="1"><lanes><laneSection '
+        f's="0">{lanes}</laneSection></lanes></road></OpenDRIVE>\n'
+    )
+    return folder
+
+
+def write_osi(path: Path, made: Traffic, *, speeds: bool = True, roads: bool = True) -> Path:
+    """ASAM OSI: GroundTruth messages, boxes by their centres, the road in the first message."""
+    import betterosi as osi
+
+    with osi.Writer(str(path)) as writer:
+        for frame, rows in by_frame(made):
+            seconds, nanos = divmod(round((frame - 1) / made.rate * 1e9), 10**9)
+            message = osi.GroundTruth(
+                version=osi.InterfaceVersion(version_major=3, version_minor=8, version_patch=0),
+                timestamp=osi.Timestamp(seconds=seconds, nanos=nanos),
+                moving_object=[_osi_object(osi, made, row, speeds) for row in rows],
+            )
+            if roads and frame == made.rows[0].frame:
+                _osi_road(osi, made, message)
+            writer.add(message)
+    return path
+
+
+def _osi_object(osi: Any, made: Traffic, row: Row, speeds: bool) -> Any:
+    x, y = on_map(row.x, row.y)
+    vx, vy = velocity_on_map(row)
+    kind = osi.MovingObject.VehicleClassification.Type
+    return osi.MovingObject(
+        id=osi.Identifier(value=row.vehicle),
+        type=osi.MovingObject.Type.VEHICLE,
+        base=osi.BaseMoving(
+            position=osi.Vector3d(x=x, y=y, z=0.0),
+            dimension=osi.Dimension3d(length=row.length, width=row.width, height=1.5),
+            orientation=osi.Orientation3d(yaw=math.atan2(vy, vx)),
+            **({"velocity": osi.Vector3d(x=vx, y=vy, z=0.0)} if speeds else {}),
+        ),
+        assigned_lane_id=[osi.Identifier(value=1000 + row.lane)],
+        vehicle_classification=osi.MovingObject.VehicleClassification(
+            type=kind.HEAVY_TRUCK if row.length > 10 else kind.CAR
+        ),
+    )
+
+
+def _osi_road(osi: Any, made: Traffic, message: Any) -> None:
+    for number, sign, top, bottom in made.strips():
+        sides = (top, bottom) if sign > 0 else (bottom, top)
+        for side, y in zip((1, 2), sides, strict=True):
+            points = [on_map(x, y) for x in (0.0, ROAD / 2, ROAD)]
+            message.lane_boundary.append(
+                osi.LaneBoundary(
+                    id=osi.Identifier(value=10 * number + side),
+                    boundary_line=[
+                        osi.LaneBoundary.BoundaryPoint(position=osi.Vector3d(x=x, y=y, z=0.0))
+                        for x, y in points
+                    ],
+                )
+            )
+        message.lane.append(
+            osi.Lane(
+                id=osi.Identifier(value=1000 + number),
+                classification=osi.Lane.Classification(
+                    type=osi.Lane.Classification.Type.DRIVING,
+                    left_lane_boundary_id=[osi.Identifier(value=10 * number + 1)],
+                    right_lane_boundary_id=[osi.Identifier(value=10 * number + 2)],
+                ),
+            )
+        )

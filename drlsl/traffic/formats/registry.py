@@ -30,7 +30,7 @@ NGSIM_TEXT_COLUMNS: Final = 18
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """A file's path and its beginning, in lower case; `columns` are the words of the first line."""
+    """A file's path and its beginning, in lower case, of Parquet its end, too."""
 
     path: Path
     head: str
@@ -75,6 +75,12 @@ def _numbered(path: Path) -> tuple[Path, ...]:
     return tuple(files)
 
 
+def _with_road(path: Path) -> tuple[Path, ...]:
+    """Return AUTOMATUM's tracks and, if it is there, its road."""
+    road = path.parent / "staticWorld.xodr"
+    return (path, road) if road.is_file() else (path,)
+
+
 def _is_tracks(start: Start) -> bool:
     return TRACKS_FILE.fullmatch(start.path.name) is not None
 
@@ -111,6 +117,13 @@ FORMATS: Final = (
         lambda start: ".json" in start.path.name and '"x_position"' in start.head,
     ),
     Format(
+        "AUTOMATUM",
+        "automatum:load_automatum",
+        lambda start: start.path.name.startswith("dynamicWorld.json"),
+        companions=_with_road,
+    ),
+    Format("ASAM OSI", "osi:load_osi", lambda start: start.path.suffix in (".mcap", ".osi")),
+    Format(
         "NGSIM, text",
         "ngsim:load_ngsim",
         lambda start: (
@@ -130,11 +143,14 @@ def find_format(path: Path) -> Format | None:
     """
     try:
         with open_bytes(path) as file:
-            head = file.read(_FIRST).decode(ENCODING, errors="replace").lower()
+            start = file.read(_FIRST)
+            if start.startswith(b"PAR1"):  # its columns are named at its end
+                file.seek(max(path.stat().st_size - _FIRST, 0))
+                start += file.read()
+            head = start.decode(ENCODING, errors="replace").lower()
     except UNREADABLE as error:
         raise unreadable(path, error) from error
-    start = Start(path, head)
-    return next((row for row in FORMATS if row.is_it(start)), None)
+    return next((row for row in FORMATS if row.is_it(Start(path, head))), None)
 
 
 def read(source: Source) -> Recording:
