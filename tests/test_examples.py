@@ -47,6 +47,20 @@ def test_a_shielded_walk_does_not_fall() -> None:
     assert shielded == 0
 
 
+def test_who_is_masked_merges() -> None:
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / "merge.py", "--episodes", "3"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        "merged in 0 of 3 episodes, without the rules",
+        "merged in 3 of 3 episodes, with the rules",
+    ]
+
+
 def test_a_notebook_shows_a_scene_a_decision_its_reasons_and_a_drive() -> None:
     nbformat = pytest.importorskip("nbformat", reason="nbclient and ipykernel are not installed")
     nbclient = pytest.importorskip("nbclient", reason="nbclient and ipykernel are not installed")
