@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import os
 import sys
 from collections import UserDict
@@ -96,7 +97,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0, or 2 after one line on stderr that says what to put right."""
     # Terms and modules are made by the ten thousand and hardly any is garbage: look for it less often.
     gc.set_threshold(50_000, 20, 20)
+    if sys.stderr.isatty():
+        _show_compiling()
     sys.exit(run(arguments))
+
+
+def _show_compiling() -> None:
+    """Show on stderr what is compiled to machine code: for some seconds nothing else would happen."""
+    logger = logging.getLogger("drlsl.lowering.backends.numba_compile")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(logging.StreamHandler())
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

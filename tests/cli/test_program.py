@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import subprocess
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import drlsl
-from drlsl.cli import run
+from drlsl.cli import main, run
 
 ROOT = Path(__file__).parents[2]
 
@@ -67,3 +68,20 @@ def test_a_shell_completes_a_line(line: str, expected: set[str]) -> None:
         check=False,
     )
     assert (done.returncode, done.stderr, set(done.stdout.split())) == (0, "", expected)
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_what_is_compiled_is_shown_on_a_terminal_alone(
+    terminal: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logger = logging.getLogger("drlsl.lowering.backends.numba_compile")
+    before, level = list(logger.handlers), logger.level
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    try:
+        with pytest.raises(SystemExit):
+            main(["--version"])
+        logger.info("compiling rules to machine code, once")
+    finally:
+        logger.handlers[:] = before
+        logger.setLevel(level)
+    assert capsys.readouterr().err == ("compiling rules to machine code, once\n" if terminal else "")

@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 from drlsl.driving import shield
 from drlsl.driving.scene import EGO, SCHEMA, Scene, Vehicle
 from drlsl.driving.shield import query_of
-from drlsl.lowering.backends import Rows, compile_numba, compile_numpy
+from drlsl.lowering.backends import Floats1, Rows, compile_numba, compile_numpy
 from drlsl.lowering.backends.batch_program import BatchResult
 from drlsl.lowering.backends.numba_backend import NumbaProgram
+from drlsl.lowering.backends.numba_compile import compiled_function
 from drlsl.lowering.frontend import Lowered, Query, lower
 from tests.lowering import programs
 from tests.lowering.plain import compile_plain
@@ -412,3 +413,70 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path, caplog: pytest.LogCaptu
         program = compile_numba(form, tmp_path / "file" / "rules")
     assert program({}).answers[0].value.tolist() == [True]
     assert "cannot be kept there" in caplog.text
+
+
+def test_compiling_is_told_and_loading_is_not(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Also of a plain function, such as the loops of the world."""
+    forget()
+    form = lower(engine_of("p :- true."), programs.SCHEMA, [Query("p", 0, "holds")])
+    for told in (["compiling rules to machine code, once", "compiling added to machine code, once"], []):
+        caplog.clear()
+        with caplog.at_level(logging.INFO):
+            program = compile_numba(form, tmp_path)
+            function = compiled_function(added, tmp_path)
+        assert program({}).answers[0].value.tolist() == [True]
+        assert function(2, np.array([0.5, 1.0])) == 2.0
+        assert [record.getMessage() for record in caplog.records] == told
+        forget()
+
+
+def forget() -> None:
+    """Forget what was compiled in this process."""
+    for name in [name for name in sys.modules if name.startswith(("rules_", "added_"))]:
+        del sys.modules[name]
+
+
+FACTOR = 0.5
+
+
+def added(count: int, numbers: Floats1) -> float:
+    return sum_of(numbers) * FACTOR * count + 0.5
+
+
+def sum_of(numbers: Floats1) -> float:
+    total = 0.0
+    for number in numbers:
+        total += number
+    return total
+
+
+def test_a_function_is_compiled_anew_when_a_constant_or_what_it_calls_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    numbers = np.array([0.5, 1.0])
+    assert compiled_function(added, tmp_path)(2, numbers) == 2.0
+    monkeypatch.setattr(sys.modules[__name__], "FACTOR", 2.0)
+    assert compiled_function(added, tmp_path)(2, numbers) == 6.5
+    monkeypatch.setattr(sys.modules[__name__], "sum_of", least_of)
+    assert compiled_function(added, tmp_path)(2, numbers) == 2.5
+
+
+def least_of(numbers: Floats1) -> float:
+    return min(numbers[0], numbers[1])
+
+
+def test_a_function_in_a_folder_that_cannot_be_written(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    forget()
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    assert compiled_function(added, tmp_path / "file" / "code")(2, np.array([0.5, 1.0])) == 2.0
+    assert "cannot be kept there" in caplog.text
+
+
+def test_a_function_of_other_types_is_refused(tmp_path: Path) -> None:
+    def texts(one: str) -> None:
+        """Take what machine code cannot."""
+
+    with pytest.raises(TypeError, match="one is str, no type"):
+        compiled_function(texts, tmp_path)

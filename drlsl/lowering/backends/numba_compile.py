@@ -146,6 +146,10 @@ class _Text:
         whole = "\n".join([numba.__version__, self.text, *self.uses])
         return f"{self.kind}_{hashlib.sha256(whole.encode()).hexdigest()[:24]}"
 
+    def tell(self) -> None:
+        """Log that this is compiled now, which takes from half a second to some seconds."""
+        _LOG.info("compiling %s to machine code, once", self.kind)
+
 
 def _kept_or_compiled(text: _Text, signature: Any, folder: Path | None) -> Callable[..., Any]:
     """Return the function of a text as machine code; if the folder cannot be used, a warning is logged."""
@@ -156,21 +160,24 @@ def _kept_or_compiled(text: _Text, signature: Any, folder: Path | None) -> Calla
             _LOG.warning("%s: machine code cannot be kept there (%s)", folder, error)
     namespace = dict(text.known)
     exec(compile(text.text, f"<{text.kind}>", "exec"), namespace)  # noqa: S102  (the text is this package's)
-    return _jit(namespace[text.name], signature, keep=False)
+    return _jit(namespace[text.name], signature, text, keep=False)
 
 
 def _type(parameter: Parameter, *, readonly: bool) -> Any:
     return types.Array(_TYPES[parameter.kind], parameter.axes, "C", readonly=readonly)
 
 
-def _jit(function: Callable[..., Any], signature: Any, *, keep: bool) -> Callable[..., bool]:
+def _jit(function: Callable[..., Any], signature: Any, text: _Text, *, keep: bool) -> Callable[..., bool]:
     jitted = numba.njit(cache=keep, error_model="numpy", nogil=True)(function)
     if keep:
         folder, name = Path(str(jitted.stats.cache_path)), function.__module__
         _drop_damaged(folder, name)
+        if not _kept(folder, name):
+            text.tell()
         jitted.compile(signature)
         _seal(folder, name)
     else:
+        text.tell()
         jitted.compile(signature)
     jitted.disable_compile()
     checked: Callable[..., bool] = jitted
@@ -219,7 +226,7 @@ def _cached(text: _Text, signature: Any, folder: Path) -> Callable[..., Any]:
         exec(compile(text.text, path, "exec"), vars(known))  # noqa: S102  (the text is this package's)
         sys.modules[name] = known  # where numba searches it when it loads machine code
         try:
-            setattr(known, text.name, _jit(getattr(known, text.name), signature, keep=True))
+            setattr(known, text.name, _jit(getattr(known, text.name), signature, text, keep=True))
         except BaseException:
             del sys.modules[name]
             raise
