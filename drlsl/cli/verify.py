@@ -64,6 +64,13 @@ def verify(
     ] = Solver.Z3,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
     out: SceneFolder = None,
+    cache: Annotated[
+        bool,
+        typer.Option(
+            "--cache/--no-cache",
+            help="Keep the answers of the solver, and ask no question twice.",
+        ),
+    ] = True,
     as_json: AsJson = False,
 ) -> None:
     """Prove properties over all scenes, or find one that breaks them; status 1 unless all are proved."""
@@ -75,6 +82,7 @@ def verify(
         raise UserError(f"--solver {solver.value} needs cvc5: pip install 'drlsl[cvc5]'")
     from drlsl.verify import Request
     from drlsl.verify.attack import SCENES
+    from drlsl.verify.smt import answers_file
 
     check_new(out)
     request = Request(
@@ -86,6 +94,7 @@ def verify(
         jobs=jobs or os.cpu_count() or 1,
         attack=SCENES if attack is None else attack,
         solver=solver.value,
+        kept=answers_file(solver.value) if cache else None,
     )
     report = _run(request)
     if out is not None:

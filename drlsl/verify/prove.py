@@ -25,6 +25,7 @@ from drlsl.verify.smt import (
     Bool,
     Formula,
     Judges,
+    KnownAnswers,
     NotTranslatable,
     Outcome,
     Solver,
@@ -87,8 +88,7 @@ class Prover:
 
     `refused` gives the reason for each property that cannot be made a formula. `names` has, by property, the
     names of vehicles that the rules or the property compare with, `ends` the properties that depend on where
-    lanes end. `settled` remembers proofs, for cases that
-    ask the same question.
+    lanes end. `known` remembers answers, for cases that ask the same question.
     """
 
     book: Book
@@ -97,7 +97,7 @@ class Prover:
     refused: dict[str, str]
     names: dict[str, frozenset[Atom]] = field(default_factory=dict)
     ends: set[str] = field(default_factory=set)
-    settled: set[bytes] = field(default_factory=set)
+    known: KnownAnswers = field(default_factory=KnownAnswers)
     judges: Judges = field(default_factory=Judges)
     _pools: dict[str, Pool] = field(default_factory=dict)
     _replays: dict[str, Replay] = field(default_factory=dict)
@@ -109,8 +109,9 @@ class Prover:
         properties: Sequence[str | Path],
         only: Sequence[str] = (),
         solver: SolverChoice = "z3",
+        kept: Path | None = None,
     ) -> Prover:
-        """Load the rules and lower their properties: all, or `only` some.
+        """Load the rules and lower their properties: all, or `only` some; `kept` is a file of answers.
 
         Raises:
             UserError, PrologError: as `drlsl.verify.properties.load`; or there is no such property.
@@ -120,7 +121,7 @@ class Prover:
         for name in only:
             if name not in known:
                 raise UserError(f"there is no property {name}; there are {', '.join(known)}")
-        prover = cls(book, {}, {}, {}, judges=Judges(solver))
+        prover = cls(book, {}, {}, {}, known=KnownAnswers(kept), judges=Judges(solver))
         for one in book.properties:
             if only and one.name not in only:
                 continue
@@ -236,8 +237,8 @@ class _Translation:
             ends=name in prover.ends,
         )
         self._formula = Formula(self.scene.algebra, self.scene.facts)
-        self._linear = Solver(self.scene, linear=True, settled=prover.settled, judges=prover.judges)
-        self.exact = Solver(self.scene, linear=False, settled=prover.settled, judges=prover.judges)
+        self._linear = Solver(self.scene, linear=True, answers=prover.known, judges=prover.judges)
+        self.exact = Solver(self.scene, linear=False, answers=prover.known, judges=prover.judges)
         self._known: dict[Bool, Outcome] = {}
 
     def truth(self, name: str, part: Part) -> Bool:

@@ -34,7 +34,8 @@ class Request:
     """A request to verify; no rules and no properties stand for the default ones.
 
     `only` names properties, none for all; `time_limit` [s] is for one property in one case. Proofs are
-    attacked with `attack` scenes, drawn by `seed`; 0: not at all. `solver` is the one that proves.
+    attacked with `attack` scenes, drawn by `seed`; 0: not at all. `solver` is the one that proves. `kept` is
+    a file of the solver's answers, which is made and added to; with None every question is asked.
     """
 
     rules: tuple[Path, ...] = ()
@@ -47,6 +48,7 @@ class Request:
     attack: int = SCENES
     seed: int = SEED
     solver: SolverChoice = "z3"
+    kept: Path | None = None
 
 
 @dataclass(slots=True)
@@ -186,7 +188,7 @@ def verify(request: Request, progress: Callable[[int, int], None] = lambda _done
         UserError: a file cannot be read, or there is no such property.
         PrologError: a file is not a valid program.
     """
-    prover = Prover.of(request.rules, request.properties, request.only, request.solver)
+    prover = Prover.of(request.rules, request.properties, request.only, request.solver, request.kept)
     results = {one.name: one for one in _results(prover, request)}
     cases = len(request.cases)
     with _crew(prover, request) as crew:
@@ -281,7 +283,7 @@ def _crew(prover: Prover, request: Request) -> Iterator[_Crew]:
     if request.jobs == 1:
         yield functools.partial(_alone, prover)
         return
-    program = (request.rules, request.properties, request.only, request.solver)
+    program = (request.rules, request.properties, request.only, request.solver, request.kept)
     with Workers(request.jobs, _prepare, *program) as workers:
         yield workers.results
 
@@ -292,10 +294,14 @@ def _alone(prover: Prover, next_task: Callable[[], Work | None]) -> Iterator[Any
 
 
 def _prepare(
-    rules: Sequence[Path], properties: Sequence[Path], only: Sequence[str], solver: SolverChoice
+    rules: Sequence[Path],
+    properties: Sequence[Path],
+    only: Sequence[str],
+    solver: SolverChoice,
+    kept: Path | None,
 ) -> Callable[[Work], Any]:
     """Return the function by which a worker performs a piece of work."""
-    return functools.partial(_do, Prover.of(rules, properties, only, solver))
+    return functools.partial(_do, Prover.of(rules, properties, only, solver, kept))
 
 
 def _do(prover: Prover, work: Work) -> list[Finding] | Judgement:

@@ -166,8 +166,8 @@ SLIPS: dict[str, Slip] = {
     ),
     "the factor of a divisor": Slip(
         "smt.values:Algebra.divide",
-        "monomial): Fraction(1, factor)}",
-        "monomial): Fraction(factor)}",
+        "monomial): mpq(1, factor)}",
+        "monomial): mpq(factor)}",
         f"{EGO}, V > 6.0, V < 15.0, 10.0 / (2.0 * V) < 1.0",
         vehicles=0,
     ),
@@ -236,14 +236,14 @@ SLIPS: dict[str, Slip] = {
     ),
     "not above for below": Slip(
         "smt.solver:Solver._comparison",
-        "value > 0 if positive else value <= 0",
-        "value > 0 if positive else value < 0",
+        "z3.Z3_mk_gt if positive else z3.Z3_mk_le",
+        "z3.Z3_mk_gt if positive else z3.Z3_mk_lt",
         f"{EGO}, {OTHER}, V1 =< V, V1 >= V, V1 - 10.0 =< 0.0, V1 - 10.0 >= 0.0",
     ),
     "the bounds of unknowns are no part of a question": Slip(
         "smt.signature:signature",
-        "[ring.unknowns[number].bounds for number in writer.unknowns]",
-        "[]",
+        "for number in writer.unknowns",
+        "for number in ()",
         "moment(T), later(R), T + R > 300.05, 2.0 * T + R < 300.06",
         ":- dynamic(later/1). :- dynamic(moment/1). "
         ":- discontiguous(violates/1). :- discontiguous(property/2). "

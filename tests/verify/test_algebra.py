@@ -118,7 +118,7 @@ def points(draw: st.DrawFn) -> tuple[Fraction, ...]:
 
 
 def decimals(point: tuple[Fraction, ...]) -> tuple[Decimal, ...]:
-    return tuple(Decimal(x.numerator) / Decimal(x.denominator) for x in point)
+    return tuple(Decimal(int(x.numerator)) / Decimal(int(x.denominator)) for x in point)
 
 
 @pytest.mark.parametrize("clears", [False, True], ids=["as it stands", "cleared"])

@@ -43,7 +43,7 @@ QUANTIFIERS: Final = frozenset({"any", "count", "sum", "first", "min_of", "max_o
 class Node:
     """One operation. `free` holds the loops it depends on, `low` and `high` bound a number's value."""
 
-    __slots__ = ("args", "data", "free", "high", "kind", "low", "op", "order")
+    __slots__ = ("_loops", "args", "data", "free", "high", "kind", "low", "op", "order")
 
     def __init__(
         self,
@@ -62,6 +62,7 @@ class Node:
         self.free = frozenset({self}) if op == "loop" else free
         self.low, self.high = bounds
         self.order = order  # of creation: arguments come before the nodes that use them
+        self._loops: tuple[Node, ...] | None = None
 
     def __repr__(self) -> str:
         inside = [repr(self.data)] if self.data is not None else []
@@ -70,6 +71,13 @@ class Node:
     @property
     def is_const(self) -> bool:
         return self.op == "const"
+
+    @property
+    def loops(self) -> tuple[Node, ...]:
+        """The loops it depends on, in the order of their creation."""
+        if self._loops is None:
+            self._loops = tuple(sorted(self.free, key=lambda loop: loop.order))
+        return self._loops
 
     @property
     def loop(self) -> Node:

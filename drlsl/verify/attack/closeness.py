@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -50,8 +51,7 @@ class Closeness:
     # ---------------------------------------------------------------- memory
 
     def _once(self, what: str, node: Node, make: Callable[[Node], Array]) -> Array:
-        axes = tuple(self._axis[loop] for loop in sorted(node.free, key=lambda loop: loop.order))
-        place = (what, node, axes)
+        place = (what, node, *[self._axis[loop] for loop in node.loops])
         known = self._done.get(place)
         if known is None:
             known = self._done[place] = make(node)
@@ -61,9 +61,15 @@ class Closeness:
 
     def _far(self, node: Node, wanted: bool) -> Array:
         """Return the distance of `node` from being true, or false."""
-        if node.op == "not":
-            return self._far(node.args[0], not wanted)
-        return self._once(f"far {wanted}", node, lambda node: self._make_far(node, wanted))
+        while node.op == "not":
+            node, wanted = node.args[0], not wanted
+        return self._once("near" if wanted else "far", node, self._near if wanted else self._beyond)
+
+    def _near(self, node: Node) -> Array:
+        return self._make_far(node, True)
+
+    def _beyond(self, node: Node) -> Array:
+        return self._make_far(node, False)
 
     def _holds(self, node: Node) -> Array:
         holds: Array = self._far(node, True) == 0
@@ -119,17 +125,20 @@ class Closeness:
         level = next(level for level in range(len(taken) + 1) if level not in taken)
         loop = node.args[0]
         with self._at(loop, level):
-            rows = loop.args[0]
-            far = np.zeros(1)
-            while rows.op == "where":
-                rows, inner, cond = rows.args
-                with self._at(inner, level):
-                    far = far + self._far(cond, True)
-            relation = relation_of(loop)
-            there = self._valid[relation.name, relation.arity]
-            if rows.op == "others":
-                there = there & (np.arange(there.shape[0]) > 0)[:, None]
-            yield -(level + 2), self._along(np.where(there, 0.0, 1.0), level) + far
+            yield -(level + 2), self._once(f"visit {level}", loop.args[0], partial(self._missing, level))
+
+    def _missing(self, level: int, rows: Node) -> Array:
+        """Return by row, on the axis of a level, the distance from visiting it."""
+        relation = relation_of(rows)
+        far = np.zeros(1)
+        while rows.op == "where":
+            rows, inner, cond = rows.args
+            with self._at(inner, level):
+                far = far + self._far(cond, True)
+        there = self._valid[relation.name, relation.arity]
+        if rows.op == "others":
+            there = there & (np.arange(there.shape[0]) > 0)[:, None]
+        return self._along(np.where(there, 0.0, 1.0), level) + far
 
     @contextmanager
     def _at(self, loop: Node, level: int) -> Iterator[None]:
@@ -218,5 +227,9 @@ def _flat(values: Array, scenes: int) -> Array:
 def _shortfall(holds: Array, excess: Array, wanted: bool) -> Array:
     """Return by how much a comparison fails, from 0 to 1; `excess` is above 0 if it does not hold."""
     gap = excess if wanted else -excess
-    size = np.where(gap >= 0, 1.0 - 1.0 / (1.0 + gap), 1.0)
-    return np.where(holds == wanted, 0.0, _HARDLY + size)
+    size = np.asarray(1.0 + gap)
+    np.divide(gap, size, out=size)
+    np.fmin(size, 1.0, out=size)  # an infinite or undefined amount counts as 1
+    size += _HARDLY
+    np.copyto(size, 0.0, where=holds if wanted else ~holds)
+    return size

@@ -112,8 +112,7 @@ class _Evaluation(ABC, Generic[N]):
     # ---------------------------------------------------------------- memory
 
     def _place(self, node: Node) -> Place:
-        loops = sorted(node.free, key=lambda loop: loop.order)
-        return node, tuple(self._row[loop] for loop in loops)
+        return node, tuple([self._row[loop] for loop in node.loops])
 
     def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
         place = (what, self._place(node))

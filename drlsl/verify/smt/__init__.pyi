@@ -1,8 +1,9 @@
 from .booleans import Bool, leaves
 from .formula import Finite, Formula, NotTranslatable, Row
+from .known_answers import KnownAnswers
 from .polynomials import Polynomial, Rational
 from .second import Judges, SolverChoice
-from .solver import Outcome, Solver
+from .solver import Outcome, Solver, answers_file
 from .symbolic import FOCUS, NOBODY, Model, SymbolicScene
 from .values import Algebra, Value
 
@@ -14,6 +15,7 @@ __all__ = [
     "Finite",
     "Formula",
     "Judges",
+    "KnownAnswers",
     "Model",
     "NotTranslatable",
     "Outcome",
@@ -24,5 +26,6 @@ __all__ = [
     "SolverChoice",
     "SymbolicScene",
     "Value",
+    "answers_file",
     "leaves",
 ]

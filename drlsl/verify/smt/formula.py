@@ -9,8 +9,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Final, TypeAlias
+
+from gmpy2 import mpq
 
 from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
@@ -28,7 +29,7 @@ Indices: TypeAlias = tuple[tuple[Bool, int], ...]
 """Row numbers, each with a condition; at most one condition holds, and without one the last row counts."""
 
 
-_LARGEST_FLOAT: Final = Fraction(sys.float_info.max)
+_LARGEST_FLOAT: Final = mpq(sys.float_info.max)
 
 
 class NotTranslatable(Exception):
@@ -51,20 +52,17 @@ class Formula:
         self.booleans = algebra.booleans
         self._facts = facts
         self._loops: dict[Node, Indices] = {}
-        self._free: dict[Node, tuple[Node, ...]] = {}
         self._done: dict[object, Any] = {}
 
     # ---------------------------------------------------------------- memory
 
     def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
         """Return `make(node)`, computed once for each choice of the rows of the node's loops."""
-        free = self._free.get(node)
-        if free is None:
-            free = self._free[node] = tuple(sorted(node.free, key=lambda loop: loop.order))
-        place = (what, node, *(self._loops[loop] for loop in free))
-        if place not in self._done:
-            self._done[place] = make(node)
-        return self._done[place]
+        place = (what, node, *[self._loops[loop] for loop in node.loops])
+        known = self._done.get(place)
+        if known is None:
+            known = self._done[place] = make(node)
+        return known
 
     def _relation(self, relation: Relation) -> Sequence[Row]:
         return self._facts[relation.name, relation.arity]
@@ -125,13 +123,13 @@ class Formula:
                 return self._between(domain[0], self.value(number.args[0]), domain[1])
         return self._between(-_LARGEST_FLOAT, self.value(number), _LARGEST_FLOAT)
 
-    def _exponent(self, function: Node) -> Fraction | None:
+    def _exponent(self, function: Node) -> mpq | None:
         """Return the exponent of a power if it is constant."""
         if function.op != "pow":
             return None
         exponent = self.value(function.args[1])
         constant = exponent.constant if isinstance(exponent, Polynomial) else None
-        return None if constant is None else Fraction(constant)
+        return None if constant is None else mpq(constant)
 
     def _between(self, low: Rational | None, value: Value, high: Rational | None) -> Bool:
         """Return the condition that a value is within bounds."""

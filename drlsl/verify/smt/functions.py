@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from fractions import Fraction
 from typing import Final
+
+from gmpy2 import mpq
 
 from drlsl.logic.core import Operation
 from drlsl.verify.smt.polynomials import Interval, Rational
 
-_SLACK: Final = Fraction(1, 10**9)
+_SLACK: Final = mpq(1, 10**9)
 """Share of its magnitude by which a computed bound is widened: the C library is far more exact."""
 
 _LARGEST_EXPONENT: Final = 709.78
@@ -20,7 +21,7 @@ _LARGEST_EXPONENT: Final = 709.78
 _LARGEST: Final = sys.float_info.max
 
 
-def domain_of(row: Operation, exponent: Fraction | None = None) -> Interval | None:
+def domain_of(row: Operation, exponent: mpq | None = None) -> Interval | None:
     """Return the interval of arguments for which a function has a float value; None without bounds.
 
     Of ``pow``, by its exponent, the bases: positive ones, or any if the exponent is a whole number. What
@@ -33,11 +34,11 @@ def domain_of(row: Operation, exponent: Fraction | None = None) -> Interval | No
     magnitude = _LARGEST_EXPONENT / float(abs(exponent))
     if magnitude > _LARGEST_EXPONENT:
         return (None, None)
-    reach = Fraction(math.exp(magnitude)) * (1 - _SLACK)
+    reach = mpq(math.exp(magnitude)) * (1 - _SLACK)
     return (-reach, reach) if exponent > 0 else (1 / reach, None)
 
 
-def bounds_of(row: Operation, argument: Interval, exponent: Fraction | None = None) -> Interval:
+def bounds_of(row: Operation, argument: Interval, exponent: mpq | None = None) -> Interval:
     """Return bounds on a function's values, given bounds on its argument, or on its base."""
     if row.kind == "power":
         return _power(argument, exponent)
@@ -61,11 +62,11 @@ def _inside(ends: tuple[float, float], end: float, bound: Rational | None) -> fl
 
 def _bounds(ends: tuple[float | None, float | None]) -> Interval:
     """Return an interval of floats, with None for infinite ends."""
-    low, high = (None if end is None or math.isinf(end) else Fraction(end) for end in ends)
+    low, high = (None if end is None or math.isinf(end) else mpq(end) for end in ends)
     return low, high
 
 
-def _power(base: Interval, exponent: Fraction | None) -> Interval:
+def _power(base: Interval, exponent: mpq | None) -> Interval:
     """Return bounds on a power with a constant exponent; any other is unbounded."""
     low, high = base
     if exponent is None or low is None or low < 0:
@@ -73,7 +74,7 @@ def _power(base: Interval, exponent: Fraction | None) -> Interval:
     ends = [_at(lambda value: value ** float(exponent), bound) for bound in (low, high)]
     if exponent < 0:
         ends.reverse()
-    least, most = _widened(ends[0], -1, Fraction(0), max), _widened(ends[1], 1, None, min)
+    least, most = _widened(ends[0], -1, mpq(0), max), _widened(ends[1], 1, None, min)
     return (least, most)
 
 
@@ -97,5 +98,5 @@ def _widened(
     """Return a computed bound, widened, or the known one if that is tighter."""
     if value is None:
         return known
-    bound = Fraction(value) + sign * _SLACK * (1 + abs(Fraction(value)))
+    bound = mpq(value) + sign * _SLACK * (1 + abs(mpq(value)))
     return bound if known is None else pick(bound, known)

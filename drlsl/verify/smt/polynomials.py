@@ -11,11 +11,14 @@ from fractions import Fraction
 from math import prod
 from typing import Final, TypeAlias
 
+from gmpy2 import mpq
+
 Monomial: TypeAlias = tuple[tuple[int, int], ...]
 """Numbers of unknowns with their exponents, in order."""
 
-Rational: TypeAlias = Fraction | int
-"""A rational number; whole ones are integers, which are faster. Divide by ``Fraction(1, number)``."""
+Rational: TypeAlias = mpq | int
+"""A rational number; whole ones are integers, which are faster. Divide by ``mpq(1, number)``."""
+
 
 Interval: TypeAlias = tuple[Rational | None, Rational | None]
 """The least and greatest value; None if there is none."""
@@ -87,17 +90,23 @@ def times(one: Monomial, other: Monomial) -> Monomial:
     return tuple(sorted((unknown, power) for unknown, power in powers.items() if power))
 
 
+def exact(value: Fraction | Rational) -> mpq:
+    """Return a rational number as gmpy2's; its own conversion refuses fractions that have its integers."""
+    return mpq(int(value.numerator), int(value.denominator))
+
+
 def evaluate(
     polynomial: Polynomial,
     numbers: Mapping[int, Fraction],
     products: Mapping[Monomial, Fraction] | None = None,
 ) -> Fraction:
     """Return the value of a polynomial for these values of its unknowns, and perhaps of its products."""
-    total = Fraction(0)
+    total = mpq(0)
     for monomial, factor in polynomial.terms.items():
         known = products.get(monomial) if products else None
-        total += factor * (prod(numbers[u] ** power for u, power in monomial) if known is None else known)
-    return total
+        powers = (exact(numbers[u]) ** power for u, power in monomial) if known is None else (exact(known),)
+        total += factor * prod(powers)
+    return Fraction(int(total.numerator), int(total.denominator))
 
 
 class Ring:
@@ -110,9 +119,12 @@ class Ring:
         self._intervals: dict[int, Interval] = {}
         self._monomials: dict[Monomial, Interval] = {}
 
-    def unknown(self, name: str, low: Rational | None, high: Rational | None) -> Polynomial:
+    def unknown(
+        self, name: str, low: Fraction | Rational | None, high: Fraction | Rational | None
+    ) -> Polynomial:
         """Return a new unknown, as a polynomial."""
-        made = Unknown(len(self.unknowns), name, low, high)
+        bounds = (None if bound is None else exact(bound) for bound in (low, high))
+        made = Unknown(len(self.unknowns), name, *bounds)
         self.unknowns.append(made)
         return self.make({((made.number, 1),): 1})
 
@@ -127,10 +139,13 @@ class Ring:
 
     def make(self, terms: Mapping[Monomial, Rational]) -> Polynomial:
         """Return the polynomial of these terms."""
+        return self._once({monomial: factor for monomial, factor in sorted(terms.items()) if factor})
+
+    def _once(self, terms: Mapping[Monomial, Rational]) -> Polynomial:
+        """Return the polynomial of terms that are in order, none of them 0."""
         kept = {
             monomial: factor if factor.denominator != 1 else factor.numerator
-            for monomial, factor in sorted(terms.items())
-            if factor
+            for monomial, factor in terms.items()
         }
         key = tuple(kept.items())
         known = self._made.get(key)
@@ -138,9 +153,9 @@ class Ring:
             known = self._made[key] = Polynomial(kept, len(self._made))
         return known
 
-    def const(self, value: Rational) -> Polynomial:
+    def const(self, value: Fraction | Rational) -> Polynomial:
         """Return a constant."""
-        return self.make({ONE: value})
+        return self.make({ONE: exact(value)})
 
     def add(self, one: Polynomial, other: Polynomial) -> Polynomial:
         """Return the sum."""
@@ -151,13 +166,21 @@ class Ring:
             terms[monomial] = terms.get(monomial, 0) + factor
         return self.make(terms)
 
-    def scale(self, one: Polynomial, factor: Rational) -> Polynomial:
+    def scale(self, one: Polynomial, factor: Fraction | Rational) -> Polynomial:
         """Return the product with a constant."""
-        return one if factor == 1 else self.make({monomial: f * factor for monomial, f in one.terms.items()})
+        if factor == 1 or not factor:
+            return one if factor else self.const(0)
+        by = exact(factor)
+        return self._once({monomial: f * by for monomial, f in one.terms.items()})
 
     def subtract(self, one: Polynomial, other: Polynomial) -> Polynomial:
         """Return the difference."""
-        return self.add(one, self.scale(other, -1))
+        if not other.terms:
+            return one
+        terms = dict(one.terms)
+        for monomial, factor in other.terms.items():
+            terms[monomial] = terms.get(monomial, 0) - factor
+        return self.make(terms)
 
     def multiply(self, one: Polynomial, other: Polynomial) -> Polynomial:
         """Return the product."""
@@ -208,8 +231,8 @@ def _power(unknown: Unknown, power: int) -> Interval:
     if power < 0:
         if low is None or low <= 0:
             return (None, None)
-        most = Fraction(1, low) ** -power
-        return (0 if high is None else Fraction(1, high) ** -power, most)
+        most = mpq(1, low) ** -power
+        return (0 if high is None else mpq(1, high) ** -power, most)
     if power % 2:
         return (None if low is None else low**power, None if high is None else high**power)
     if low is not None and low >= 0:

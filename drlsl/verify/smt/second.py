@@ -16,6 +16,8 @@ from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rationa
 
 SolverChoice: TypeAlias = Literal["z3", "cvc5", "both"]
 Opinion: TypeAlias = Literal["none", "some", "unknown"]
+Confirmation: TypeAlias = Literal["alone", "confirmed", "unanswered"]
+"""One solver was asked; or both, who agreed; or only one of them had an answer."""
 
 MOST_SECONDS: Final = 10.0
 """Time for one question, which z3 has answered already."""
@@ -38,6 +40,11 @@ class Judges:
     solver: SolverChoice = "z3"
     confirmed: int = 0
     unanswered: int = 0
+
+    def count(self, confirmation: Confirmation) -> None:
+        """Count a question by who answered it."""
+        self.confirmed += confirmation == "confirmed"
+        self.unanswered += confirmation == "unanswered"
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +148,7 @@ class Cvc5:
 
 
 def _rational(api: Any, value: Rational) -> Any:
-    return api.Q(value.numerator, value.denominator)
+    return api.Q(int(value.numerator), int(value.denominator))
 
 
 def _fraction(value: Any) -> Fraction:

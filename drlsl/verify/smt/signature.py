@@ -14,7 +14,9 @@ def signature(truths: Iterable[Bool], ring: Ring) -> bytes:
     """Return a digest of formulas and of the bounds of their unknowns; equal ones ask the same question."""
     writer = _Writer(ring)
     roots = [writer.place(truth) for truth in truths]
-    text = repr((roots, writer.lines, [ring.unknowns[number].bounds for number in writer.unknowns]))
+    text = repr(
+        (roots, writer.lines, [list(map(str, ring.unknowns[number].bounds)) for number in writer.unknowns])
+    )
     return hashlib.sha256(text.encode()).digest()
 
 
@@ -47,8 +49,7 @@ class _Writer:
     def _polynomial(self, polynomial: Polynomial) -> Any:
         return [
             (
-                factor.numerator,
-                factor.denominator,
+                str(factor),
                 [
                     (self.unknowns.setdefault(unknown, len(self.unknowns)), power)
                     for unknown, power in monomial

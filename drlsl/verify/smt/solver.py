@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import z3
 
+from drlsl.files import cache_folder
 from drlsl.verify.smt.booleans import Bool, holds, leaves
+from drlsl.verify.smt.known_answers import KnownAnswers
 from drlsl.verify.smt.polynomials import Interval, Monomial, Polynomial, Rational
-from drlsl.verify.smt.second import MOST_SECONDS, Cvc5, Judges, SolversDisagree
+from drlsl.verify.smt.second import MOST_SECONDS, Confirmation, Cvc5, Judges, SolverChoice, SolversDisagree
 from drlsl.verify.smt.signature import signature
 from drlsl.verify.smt.symbolic import Model
 from drlsl.verify.smt.values import Algebra
@@ -31,6 +35,14 @@ class Outcome:
     reason: str = ""
 
 
+def answers_file(choice: SolverChoice) -> Path:
+    """Return the place, in the folder of caches, of the answers that these versions of the solvers give."""
+    solvers = ("z3", "cvc5") if choice == "both" else (choice,)
+    packages = {"z3": "z3-solver", "cvc5": "cvc5"}
+    names = [f"{solver}-{version(packages[solver])}" for solver in solvers]
+    return cache_folder() / "proofs" / f"{'-'.join(names)}.sqlite"
+
+
 class Scenes(Protocol):
     """The scenes of formulas, as a `SymbolicScene` describes them."""
 
@@ -48,7 +60,7 @@ class Solver:
 
     A `linear` one treats products as numbers of their own. One for `few` unknowns divides their space into
     cells where every polynomial has one sign, which always gives an answer, but takes long for many.
-    `settled` holds formulas that were proved to hold nowhere. `judges` decides whether cvc5 proves, too, or
+    `answers` holds what was answered before, and is added to. `judges` decides whether cvc5 proves, too, or
     alone; scenes are found by z3.
     """
 
@@ -58,11 +70,11 @@ class Solver:
         *,
         linear: bool,
         few: bool = False,
-        settled: set[bytes] | None = None,
+        answers: KnownAnswers | None = None,
         judges: Judges | None = None,
     ) -> None:
         self._scene = scene
-        self._settled = set() if settled is None else settled
+        self._answers = answers or KnownAnswers()
         self._judges = judges or Judges()
         self._second = Cvc5(scene.algebra.ring, linear=linear) if self._judges.solver != "z3" else None
         self._linear = linear
@@ -71,6 +83,7 @@ class Solver:
         self._products: dict[Monomial, Any] = {}
         self._algebra = scene.algebra
         self._context = z3.Context()
+        self._rationals: dict[Rational, Any] = {}
         self._numbers: dict[int, Any] = {}
         self._flags: dict[str, Any] = {}
         self._done: dict[tuple[int, Fraction], Any] = {}
@@ -78,19 +91,33 @@ class Solver:
     def holds_nowhere(self, truth: Bool, seconds: float) -> Outcome:
         """Return whether no scene satisfies `truth`; an answer `some` may lie outside the possible scenes."""
         premises = self._premises([truth])
-        question = signature([truth, *premises], self._algebra.ring)
-        if question in self._settled:
-            return Outcome("none")
         truths = [truth, *premises]
+        question = signature(truths, self._algebra.ring)
+        # a scene of the relaxation need not be a scene: that answer is for linear solvers alone
+        possible = question + (b" linearly possible" if self._linear else b" possible")
+        recalled = self._recalled(question, "none") or self._recalled(possible, "some")
+        if recalled is not None:
+            return recalled
+        opinion: Confirmation = "alone"
         if self._judges.solver == "cvc5":
             outcome = self._by_cvc5(truths, seconds)
         else:
             outcome = self._by_z3(truth, premises, seconds)
             if self._second is not None:
-                outcome = self._compared(outcome, truths, seconds)
-        if outcome.verdict == "none":
-            self._settled.add(question)
+                outcome, opinion = self._compared(outcome, truths, seconds)
+        self._judges.count(opinion)
+        if outcome.verdict != "unknown":
+            self._answers.keep(question if outcome.verdict == "none" else possible, opinion)
         return outcome
+
+    def _recalled(self, question: bytes, verdict: Verdict) -> Outcome | None:
+        """Return the verdict if the question was answered; in an earlier run, it is counted as in that."""
+        known = self._answers.get(question)
+        if known is None:
+            return None
+        if known.is_of_earlier_run:
+            self._judges.count(known.opinion)
+        return Outcome(verdict)
 
     def _by_z3(self, truth: Bool, premises: Mapping[Bool, None], seconds: float) -> Outcome:
         outcome = Outcome("unknown")
@@ -108,7 +135,9 @@ class Solver:
         opinion = self._second.ask(truths, seconds).opinion
         return Outcome(opinion, reason="timeout" if opinion == "unknown" else "")
 
-    def _compared(self, outcome: Outcome, truths: Sequence[Bool], seconds: float) -> Outcome:
+    def _compared(
+        self, outcome: Outcome, truths: Sequence[Bool], seconds: float
+    ) -> tuple[Outcome, Confirmation]:
         """Return the answer of both solvers; the second is used only if the first's is no relaxation's.
 
         Raises:
@@ -116,19 +145,19 @@ class Solver:
         """
         assert self._second is not None
         if outcome.verdict == "some" and self._linear:
-            return outcome
+            return outcome, "alone"
         second = self._second.ask(truths, min(seconds, MOST_SECONDS))
         if outcome.verdict == "none" and second.checked:
             raise SolversDisagree("z3", "cvc5")
         if second.opinion == "none" and outcome.model is not None:
             if all(holds(truth, outcome.model.numbers, outcome.model.flags) for truth in truths):
                 raise SolversDisagree("cvc5", "z3")
-            return outcome
-        if outcome.verdict == "none" and second.opinion == "none":
-            self._judges.confirmed += 1
-        elif "none" in (outcome.verdict, second.opinion):
-            self._judges.unanswered += 1
-        return Outcome("none") if second.opinion == "none" else outcome
+            return outcome, "alone"
+        opinions = [outcome.verdict, second.opinion]
+        opinion: Confirmation = "alone"
+        if "none" in opinions:
+            opinion = "confirmed" if opinions == ["none", "none"] else "unanswered"
+        return Outcome("none") if second.opinion == "none" else outcome, opinion
 
     def find(self, truth: Bool, seconds: float, *, margin: Fraction, usual: int) -> Outcome:
         """Return a scene that satisfies `truth`, each of its comparisons by a margin.
@@ -210,7 +239,9 @@ class Solver:
     # ---------------------------------------------------------------- to z3 and back
 
     def _rational(self, value: Rational) -> Any:
-        return z3.Q(value.numerator, value.denominator, ctx=self._context)
+        if value not in self._rationals:
+            self._rationals[value] = z3.RealVal(str(value), self._context)
+        return self._rationals[value]
 
     def _number(self, unknown: int) -> Any:
         if unknown not in self._numbers:
@@ -223,8 +254,8 @@ class Solver:
         for monomial, factor in polynomial.terms.items():
             powers = self._powers(monomial)
             parts = [self._rational(factor), *powers] if factor != 1 or not powers else powers
-            terms.append(z3.Product(parts) if len(parts) > 1 else parts[0])
-        return z3.Sum(terms) if len(terms) > 1 else terms[0]
+            terms.append(self._joined(z3.Z3_mk_mul, z3.ArithRef, parts))
+        return self._joined(z3.Z3_mk_add, z3.ArithRef, terms)
 
     def _powers(self, monomial: Monomial) -> list[Any]:
         """Return the factors of a product; for a linear solver, one unknown for all of it."""
@@ -251,7 +282,8 @@ class Solver:
             return self._strict(truth.args[0], positive=not positive, margin=margin)
         if truth.op in ("and", "or"):
             parts = [self._strict(arg, positive=positive, margin=margin) for arg in truth.args]
-            return z3.And(parts) if (truth.op == "and") is positive else z3.Or(parts)
+            join = z3.Z3_mk_and if (truth.op == "and") is positive else z3.Z3_mk_or
+            return self._joined(join, z3.BoolRef, parts)
         if truth.op in ("true", "false"):
             return z3.BoolVal((truth.op == "true") is positive, ctx=self._context)
         if truth.op == "flag":
@@ -261,19 +293,30 @@ class Solver:
             return flag if positive else z3.Not(flag)
         return self._comparison(truth, positive, margin)
 
+    def _joined(self, join: Callable[..., Any], kind: Callable[..., Any], parts: Sequence[Any]) -> Any:
+        """Return an operation on z3's terms, without z3py's coercions, which take longer than the solver."""
+        if len(parts) == 1:
+            return parts[0]
+        array = (z3.Ast * len(parts))(*(part.ast for part in parts))
+        return kind(join(self._context.ref(), len(parts), array), self._context)
+
+    def _compared_to_zero(self, compare: Callable[..., Any], value: Any) -> Any:
+        zero = self._rational(0)
+        return z3.BoolRef(compare(self._context.ref(), value.ast, zero.ast), self._context)
+
     def _comparison(self, truth: Bool, positive: bool, margin: Fraction) -> Any:
         value = self._polynomial(truth.data)
         if truth.op == "zero":
             if positive:
-                return value == 0
+                return self._compared_to_zero(z3.Z3_mk_eq, value)
             if margin:
                 return z3.Or(value >= self._rational(margin), value <= self._rational(-margin))
             return value != 0
         if margin:
             return value >= self._rational(margin) if positive else value <= self._rational(-margin)
         if truth.op == "above":
-            return value > 0 if positive else value <= 0
-        return value >= 0 if positive else value < 0
+            return self._compared_to_zero(z3.Z3_mk_gt if positive else z3.Z3_mk_le, value)
+        return self._compared_to_zero(z3.Z3_mk_ge if positive else z3.Z3_mk_lt, value)
 
     def _model(self, model: Any) -> Model:
         numbers = {

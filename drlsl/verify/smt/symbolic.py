@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
 
+from gmpy2 import mpq
+
 from drlsl.driving.scene import EGO, EGO_LIMITS, Road, Scene, Vehicle
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import Relation
@@ -25,7 +27,7 @@ FOCUS: Final = Relation("focus", ("atom",), single=True, fields=("id",))
 NOBODY: Final = "none"
 """The name in `focus/1` if no vehicle is in focus."""
 
-_HALF: Final = Fraction(1, 2)
+_HALF: Final = mpq(1, 2)
 
 
 @dataclass(slots=True)
@@ -117,7 +119,7 @@ class SymbolicScene:
             step = ring.scale(ring.add(widths[lane], widths[inner]), _HALF)
             if case.direction(lane) is not case.direction(inner):
                 step = ring.add(step, self._unknown("median", "median"))
-            away = Fraction(-1 if lane < case.ego_lane else 1)
+            away = mpq(-1 if lane < case.ego_lane else 1)
             offsets[lane] = ring.add(offsets[inner], ring.scale(step, away))
         middle = self._unknown("road_position", "y_of_ego_lane")
         self.widths = [widths[lane] for lane in numbers]
@@ -148,7 +150,7 @@ class SymbolicScene:
         half = self.ranges["lane_width"][1] / 2
         aside = self._unknown("aside", "ego_aside", (-half, half))
         width = self.widths[lane - 1]
-        for turned in (aside, ring.scale(aside, Fraction(-1))):
+        for turned in (aside, ring.scale(aside, mpq(-1))):
             self.always.append(algebra.at_least(ring.scale(width, _HALF), turned))
         return Box(
             name=EGO,
@@ -188,7 +190,7 @@ class SymbolicScene:
 
     def _forward(self, polynomial: Polynomial) -> Polynomial:
         """Return a driver's forward or rightward amount in coordinates of the road."""
-        return self.algebra.ring.scale(polynomial, Fraction(self.case.direction(self.case.ego_lane).sign))
+        return self.algebra.ring.scale(polynomial, mpq(self.case.direction(self.case.ego_lane).sign))
 
     def _in_its_lane(self, box: Box) -> None:
         """Demand that a vehicle's lane is the one that holds its centre; 0 for none."""
@@ -313,7 +315,7 @@ class SymbolicScene:
                 clear = [
                     algebra.at_least(difference, room)
                     for distance, room in ((dx, along), (dy, across))
-                    for difference in (distance, ring.scale(distance, Fraction(-1)))
+                    for difference in (distance, ring.scale(distance, mpq(-1)))
                 ]
                 both = booleans.and_((one.present, other.present))
                 result.append(booleans.implies(both, booleans.or_(clear)))

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from fractions import Fraction
 from typing import Final, TypeAlias
+
+from gmpy2 import mpq
 
 from drlsl.verify.ranges import decimal
 from drlsl.verify.smt.booleans import Bool, Booleans, leaves
@@ -252,18 +253,18 @@ class Algebra:
         """Return the quotient; undefined for a divisor of 0."""
         divisor = self.as_unknown(other)
         if divisor.constant is not None:
-            return self.scale(one, Fraction(1, divisor.constant)) if divisor.constant else self.zero
+            return self.scale(one, mpq(1, divisor.constant)) if divisor.constant else self.zero
         if len(divisor.terms) > 1:
             divisor, factor = self._named(divisor)
-            one = self.scale(one, Fraction(1, factor))
+            one = self.scale(one, mpq(1, factor))
         ((monomial, factor),) = divisor.terms.items()
-        inverse = {tuple((unknown, -power) for unknown, power in monomial): Fraction(1, factor)}
+        inverse = {tuple((unknown, -power) for unknown, power in monomial): mpq(1, factor)}
         return self.multiply(self.ring.make(inverse), one)
 
     def _named(self, polynomial: Polynomial) -> tuple[Polynomial, Rational]:
         """Return an unknown and a factor whose product is the polynomial."""
         factor = next(iter(polynomial.terms.values()))
-        normal = self.ring.scale(polynomial, Fraction(1, factor))
+        normal = self.ring.scale(polynomial, mpq(1, factor))
         known = self._unknowns.get(normal.number)
         if known is None:
             known = self._unknowns[normal.number] = self._new("divisor", self.ring.interval(normal))
@@ -288,7 +289,7 @@ class Algebra:
             self.ring.declare_root(known, square)
         return known
 
-    def power(self, base: Value, exponent: Fraction) -> Value | None:
+    def power(self, base: Value, exponent: mpq) -> Value | None:
         """Return a power by arithmetic and roots if the exponent is a small multiple of a half; else None.
 
         It may be undefined for a negative base, or for 0 with a negative exponent.
@@ -467,7 +468,7 @@ class Algebra:
     def _normal(self, op: str, polynomial: Polynomial) -> Bool:
         """Return the comparison with the leading coefficient 1."""
         factor = list(polynomial.terms.values())[-1]
-        normal = self.ring.scale(polynomial, Fraction(1, factor))
+        normal = self.ring.scale(polynomial, mpq(1, factor))
         if op == "zero":
             return self.booleans.comparison("zero", normal)
         truth = self.booleans.comparison("above" if factor > 0 else "atleast", normal)
@@ -518,15 +519,15 @@ def _tightest(pick: Callable[[list[Rational]], Rational], bounds: list[Rational 
 
 def _exact_root(square: Rational) -> Rational | None:
     """Return the square root of a fraction if it is a fraction."""
-    root = Fraction(math.isqrt(square.numerator), math.isqrt(square.denominator))
+    root = mpq(math.isqrt(square.numerator), math.isqrt(square.denominator))
     return root if root * root == square else None
 
 
 def _root_interval(bounds: Interval) -> Interval:
     low, high = bounds
-    least = Fraction(0)
+    least = mpq(0)
     if low is not None and low > 0:
-        least = Fraction(math.isqrt(int(low * _DENOMINATOR**2)), _DENOMINATOR)
+        least = mpq(math.isqrt(int(low * _DENOMINATOR**2)), _DENOMINATOR)
     if high is None:
         return (least, None)
-    return (least, Fraction(math.isqrt(max(0, math.ceil(high * _DENOMINATOR**2))) + 1, _DENOMINATOR))
+    return (least, mpq(math.isqrt(max(0, math.ceil(high * _DENOMINATOR**2))) + 1, _DENOMINATOR))
