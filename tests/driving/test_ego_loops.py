@@ -16,7 +16,7 @@ from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, World, ego_loops, egos, in_direction, playbacks_of, world
 from drlsl.driving.simulation.reward import TERMS
 from drlsl.lowering.backends import machine_code
-from drlsl.traffic import bundled_recordings, load_recording
+from drlsl.traffic import load_recording
 
 KERNELS = (ego_loops.steer, ego_loops.find_targets, ego_loops.drive, ego_loops.look, ego_loops.finish)
 
@@ -160,7 +160,7 @@ def told(result: StepResult) -> list[Any]:
     return [*events, *numbers, *decisions.observation.T, *decisions.action_mask.T, decisions.target_speed]
 
 
-@pytest.mark.parametrize("name", bundled_recordings())
+@pytest.mark.parametrize("name", PINNED)
 def test_a_drive_is_what_it_was(name: str) -> None:
     assert driven(name) == PINNED[name]
 
