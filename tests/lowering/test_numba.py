@@ -462,7 +462,7 @@ def test_a_function_is_compiled_anew_when_a_constant_or_what_it_calls_differs(
 
 
 def least_of(numbers: Floats1) -> float:
-    return min(numbers[0], numbers[1])
+    return float(min(numbers[0], numbers[1]))
 
 
 def test_a_function_in_a_folder_that_cannot_be_written(
