@@ -84,11 +84,15 @@ def in_envs(config: TrainConfig, count: int) -> TrainConfig:
 
 
 @pytest.mark.parametrize("num_envs", [1, 3])
-@pytest.mark.parametrize("stop_after", [1, 25, 36, 100])
+@pytest.mark.parametrize("stop_after", [1, 25, 36, 70])
+@pytest.mark.parametrize(
+    "learning", [{}, {"precision": "bfloat16"}, {"overlap": True}], ids=["", "bfloat16", "overlap"]
+)
 def test_a_stopped_and_resumed_run_is_bit_identical(
-    tmp_path: Path, tiny_config: TrainConfig, stop_after: int, num_envs: int
+    tmp_path: Path, tiny_config: TrainConfig, stop_after: int, num_envs: int, learning: dict[str, Any]
 ) -> None:
-    config = in_envs(tiny_config, num_envs)
+    settings = {"num_envs": num_envs, "learning": learning, "network": {"hidden": [16, 16]}}
+    config = make_config(merged(tiny_config.model_dump(), settings), "test")
     train_whole(tmp_path / "whole", config)
     session = Session.start(tmp_path / "run", config)
     for _ in session.run(lambda: session.trainer.total_steps >= stop_after):
