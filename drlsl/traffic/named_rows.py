@@ -12,8 +12,24 @@ import numpy.typing as npt
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Floats
 
+LONGEST: Final = 1e6
+"""Most seconds between a row and the middle one, eleven days."""
+
+FARTHEST: Final = 1e9
+"""A number [m] above all coordinates of maps."""
+
 ON_TIME: Final = 0.1
 """Share of a step by which a row may be off the time of its frame."""
+
+
+def check_numbers(path: Path, values: Floats) -> None:
+    """Check that places on a map, or speeds, are numbers that one can be at.
+
+    Raises:
+        UserError: one is not finite, or above 1e9.
+    """
+    if not (np.abs(values) < FARTHEST).all():
+        raise UserError(f"{path}: a place or speed is not a finite number, or above {FARTHEST:g}")
 
 
 def numbered(names: npt.NDArray[np.generic]) -> npt.NDArray[np.int64]:
@@ -42,6 +58,9 @@ def frames_of(path: Path, seconds: Floats) -> tuple[npt.NDArray[np.int64], float
     Raises:
         UserError: the times are not evenly spaced, or all the same.
     """
+    row = int(np.argmax(np.abs(seconds - np.median(seconds))))
+    if abs(seconds[row] - np.median(seconds)) > LONGEST:
+        raise UserError(f"{path}: a row at {seconds[row]:g} s, days away from the others")
     times = np.unique(np.round(seconds, 6))
     if len(times) < 2:
         raise UserError(f"{path}: all rows have one time, {times[0]:g} s; a recording needs two")

@@ -21,7 +21,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.files import UNREADABLE, open_text, unreadable
 from drlsl.traffic.lane_pieces import pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
-from drlsl.traffic.named_rows import frames_of, numbered
+from drlsl.traffic.named_rows import check_numbers, frames_of, numbered
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.source import Source
@@ -58,6 +58,7 @@ def load_automatum(source: Source) -> Recording:
     columns = [_columns(path, one) for one in vehicles]
     joined = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     count = [len(one["time"]) for one in columns]
+    check_numbers(path, np.stack([joined[name] for name in ("x", "y", "vx", "vy")]))
     frame, rate = frames_of(path, joined["time"])
     ids = numbered(np.array([str(one["UUID"]) for one in vehicles]))
     tracks = Tracks(
@@ -142,5 +143,9 @@ def _widths(path: Path) -> dict[str, float]:
         for lane in road.iter("lane"):
             width = lane.find("width")
             if width is not None:
-                found.setdefault(f"{road.get('id')}:{lane.get('id')}", float(width.get("a", "nan")))
+                name = f"{road.get('id')}:{lane.get('id')}"
+                try:
+                    found.setdefault(name, float(width.get("a", "nan")))
+                except ValueError:
+                    raise UserError(f"{path}: lane {name}: width {width.get('a')!r} is no number") from None
     return found

@@ -21,6 +21,7 @@ from drlsl.traffic.alignment import Axis
 from drlsl.traffic.files import UNREADABLE, open_bytes, unreadable
 from drlsl.traffic.lane_pieces import Piece
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
+from drlsl.traffic.named_rows import check_numbers
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.slopes import slopes
@@ -91,7 +92,7 @@ def _vehicles(
         *root.findall("staticObstacle"),
         *root.findall("obstacle"),
     ]:
-        number = int(_number(path, obstacle.get("id"), "id of an obstacle"))
+        number = _whole(path, _number(path, obstacle.get("id"), "id of an obstacle"), "id of an obstacle")
         kind = CLASSES.get(obstacle.findtext("type", "unknown"))
         states = [*_states(path, obstacle, number)]
         if kind is None:
@@ -141,7 +142,7 @@ def _states(path: Path, obstacle: ElementTree.Element, number: int) -> Iterator[
         x, y = (_number(path, state.findtext(f"position/point/{axis}"), f"{what}: {axis}") for axis in "xy")
         speed = state.find("velocity")
         yield (
-            int(_exact(path, state.find("time"), f"{what}: time")),
+            _whole(path, _exact(path, state.find("time"), f"{what}: time"), f"{what}: time"),
             x,
             y,
             _exact(path, state.find("orientation"), f"{what}: orientation"),
@@ -160,11 +161,16 @@ def _track(
         _number(path, box.findtext(side), f"obstacle {number}: {side}") for side in ("length", "width")
     )
     time, x, y, angle, speed = (np.array(column) for column in zip(*states, strict=True))
+    check_numbers(path, np.stack([x, y, np.nan_to_num(speed)]))
     vx, vy = speed * np.cos(angle), speed * np.sin(angle)
     missing = not np.isfinite(speed).all()
     if missing:
         starts = np.flatnonzero(np.concatenate([[True], np.diff(time) != 1]))
         vx, vy = (slopes(values, starts, WINDOW) / step for values in (x, y))
+    if not (length > 0 and width > 0):
+        raise UserError(
+            f"{path}: obstacle {number}: length {length:g}, width {width:g}: expected more than 0"
+        )
     count = len(states)
     return (
         Tracks(
@@ -186,6 +192,12 @@ def _exact(path: Path, element: ElementTree.Element | None, what: str) -> float:
     if element is None or element.find("exact") is None:
         raise UserError(f"{path}: {what}: expected an exact value")
     return _number(path, element.findtext("exact"), what)
+
+
+def _whole(path: Path, value: float, what: str) -> int:
+    if not 0 <= value < 2**31 or value != int(value):
+        raise UserError(f"{path}: {what}: {value:g}: expected a whole number from 0 to 2,147,483,647")
+    return int(value)
 
 
 def _number(path: Path, text: str | None, what: str) -> float:

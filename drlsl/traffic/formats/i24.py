@@ -22,6 +22,7 @@ from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.assemble import Road, assemble
 from drlsl.traffic.files import UNREADABLE, open_text, unreadable
 from drlsl.traffic.lane_pieces import Piece, lanes_of_pieces
+from drlsl.traffic.named_rows import LONGEST
 from drlsl.traffic.plausible import Place, check_rows
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.slopes import slopes
@@ -34,6 +35,9 @@ RATE: Final = 25.0
 
 LANE: Final = 12 * FOOT
 """Width of a lane [m], 12 ft."""
+
+FARTHEST: Final = 1e11
+"""A number above all times [s], places [ft] and sizes."""
 
 BUSY: Final = 0.02
 """Share of a direction's rows that a lane has at least."""
@@ -75,7 +79,8 @@ def load_i24(source: Source) -> Recording:
     path = source.files[0]
     documents = _documents(path)
     parts, classes, lone = [], {}, 0
-    begin = min(float(one["timestamp"][0]) for one in documents)
+    begin = float(np.median([one["timestamp"][0] for one in documents]))
+    begin = min(one["timestamp"][0] for one in documents if abs(one["timestamp"][0] - begin) <= LONGEST)
     for number, one in enumerate(documents, start=1):
         part = _track(path, number, one, begin)
         if part is None:
@@ -118,14 +123,16 @@ def _documents(path: Path) -> list[dict[str, Any]]:
     for number, one in enumerate(found, start=1):
         if missing := [key for key in KEYS if key not in one or one[key] is None]:
             raise UserError(f"{path}: document {number} has no {', '.join(missing)}")
-        lengths = {len(one[key]) for key in KEYS[:3]}
-        if len(lengths) != 1 or not lengths.pop():
+        vectors = [one[key] for key in KEYS[:3]]
+        if not all(isinstance(vector, list) and len(vector) == len(vectors[0]) > 0 for vector in vectors):
             raise UserError(
                 f"{path}: document {number}: timestamp, x_position and y_position differ in length"
             )
+        if not all(isinstance(value, (int, float)) for key in KEYS[:3] for value in one[key]):
+            raise UserError(f"{path}: document {number} holds something that is no number")
         if one["direction"] not in (1, -1):
             raise UserError(f"{path}: document {number}: direction {one['direction']!r}: expected 1 or -1")
-        if one["coarse_vehicle_class"] not in CLASSES:
+        if str(one["coarse_vehicle_class"]) not in map(str, CLASSES):
             raise UserError(
                 f"{path}: document {number}: coarse_vehicle_class {one['coarse_vehicle_class']!r}: expected "
                 "0 to 6"
@@ -140,8 +147,10 @@ def _track(path: Path, number: int, one: dict[str, Any], begin: float) -> Tracks
         length, width = (float(np.mean(one[key])) * FOOT for key in ("length", "width"))
     except (TypeError, ValueError):
         raise UserError(f"{path}: document {number} holds something that is no number") from None
-    if not all(np.isfinite(values).all() for values in (time, x, y, np.array([length, width]))):
-        raise UserError(f"{path}: document {number} holds a number that is not finite")
+    if abs(time[0] - begin) > LONGEST or abs(time[-1] - time[0]) > LONGEST:
+        raise UserError(f"{path}: document {number}: its times are days away from the others")
+    if not all((np.abs(values) < FARTHEST).all() for values in (time, x, y, np.array([length, width]))):
+        raise UserError(f"{path}: document {number} holds a number that is not finite, or no time or place")
     if (np.diff(time) <= 0).any():
         raise UserError(f"{path}: document {number}: timestamp does not increase")
     if length <= 0 or width <= 0:

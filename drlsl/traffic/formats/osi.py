@@ -18,7 +18,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.alignment import Axis
 from drlsl.traffic.lane_pieces import Piece, pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
-from drlsl.traffic.named_rows import frames_of
+from drlsl.traffic.named_rows import check_numbers, frames_of
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.slopes import slopes
@@ -104,9 +104,8 @@ def _messages(path: Path) -> Iterator[Any]:
     except UserError:
         raise
     except Exception as error:
-        raise UserError(
-            f"{path}: cannot be read: {str(error).splitlines()[0] or type(error).__name__}"
-        ) from error
+        why = (str(error) or type(error).__name__).splitlines()[0]
+        raise UserError(f"{path}: cannot be read: {why}") from error
 
 
 def _class(item: Any) -> VehicleClass | None:
@@ -143,6 +142,7 @@ def _row(path: Path, time: float, item: Any) -> tuple[float, ...]:
 
 def _tracks(path: Path, table: np.ndarray) -> tuple[Tracks, float, int]:
     """Return the tracks, the frame rate, and the number of vehicles whose velocities are slopes."""
+    check_numbers(path, table[:, 2:4])
     frame, rate = frames_of(path, table[:, 0])
     vehicle, x, y, vx, vy, length, width = table[:, 1:8].T
     unset = np.isin(vehicle, np.unique(vehicle[np.isnan(vx) | np.isnan(vy)]))

@@ -23,7 +23,7 @@ from drlsl.traffic.files import UNREADABLE, open_bytes, open_text, unreadable
 from drlsl.traffic.formats.parquet import read_table
 from drlsl.traffic.lane_pieces import pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
-from drlsl.traffic.named_rows import frames_of, numbered
+from drlsl.traffic.named_rows import check_numbers, frames_of, numbered
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.source import Source
@@ -87,6 +87,7 @@ def load_fcd(source: Source) -> Recording:
     if not kept.any():
         raise UserError(f"{path}: no vehicle on the road in any time step")
     number = {name: values[kept] for name, values in number.items()}
+    check_numbers(path, np.stack([number[name] for name in ("x", "y", "speed")]))
     frame, rate = frames_of(path, number["time"])
     kinds = [known[one] for one in types[kept].tolist()]
     length, width = (np.array([kind[place] for kind in kinds if kind]) for place in (1, 2))
@@ -208,7 +209,7 @@ def _types(path: Path, names: set[str]) -> tuple[dict[str, Kind | None], list[st
             found[name] = None
             continue
         length, width = USUAL_SIZE[kind]
-        found[name] = kind, float(given.get("length", length)), float(given.get("width", width))
+        found[name] = kind, _size(path, given, "length", length), _size(path, given, "width", width)
     notes = []
     if unknown:
         notes.append(
@@ -217,6 +218,16 @@ def _types(path: Path, names: set[str]) -> tuple[dict[str, Kind | None], list[st
             "the file defines"
         )
     return found, notes
+
+
+def _size(path: Path, given: dict[str, str], side: str, usual: float) -> float:
+    """Return the length or width of a vehicle type [m]."""
+    text = given.get(side)
+    if text is None:
+        return usual
+    if not _is_number(text) or not 0 < float(text) < np.inf:
+        raise UserError(f"{path}: vType {given.get('id')}: {side} {text!r}: expected metres above 0")
+    return float(text)
 
 
 def _defined(path: Path) -> dict[str, dict[str, str]]:

@@ -20,7 +20,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.columns import Kind, line_of_row, read_columns, read_header
 from drlsl.traffic.lane_pieces import pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
-from drlsl.traffic.named_rows import frames_of
+from drlsl.traffic.named_rows import check_numbers, frames_of
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.slopes import slopes
@@ -98,6 +98,8 @@ def load_tgsim(source: Source) -> Recording:
     wanted = {names[name]: kind for name, kind in WANTED.items() if name in names}
     table = read_columns(path, wanted | ({names[RUN]: Kind.TEXT} if RUN in names else {}))
     table = table.rename(columns={spelt: name for name, spelt in names.items()})
+    if RUN in table and table[RUN].isna().any():
+        raise UserError(f"{path}: column {names[RUN]} is empty in {int(table[RUN].isna().sum()):,} rows")
     table = _run(path, table, source.part)
     sized = (table["lengthsmoothed"] > 0) & (table["widthsmoothed"] > 0)
     if not sized.any():
@@ -141,6 +143,7 @@ def _tracks(path: Path, table: pd.DataFrame) -> tuple[Tracks, Place, float]:
         for name in WANTED
         if name in table and name != "typemostcommon"
     }
+    check_numbers(path, np.stack([column["xlockf"], column["ylockf"]]))
     frame, rate = frames_of(path, column["time"])
     vehicle = column["id"].astype(np.int64)
     x, y = column["xlockf"], -column["ylockf"]
