@@ -90,6 +90,35 @@ def test_drawn_scenes_are_scenes_that_proofs_are_about() -> None:
     assert outside <= 4
 
 
+def test_where_lanes_end_is_told_alike_in_arrays_scenes_and_exact_numbers() -> None:
+    layout = Layout(all_cases(), load([]).ranges, 1, ends=True)
+    scenes = draw(layout, np.random.default_rng(3), 400)
+    codes: dict[str, int] = {}
+    rows = array_facts(layout, scenes, lambda atom: codes.setdefault(atom, len(codes)))["lane_end", 2]
+    (lanes, places), valid = rows.columns, rows.valid
+    assert lanes is not None
+    assert places is not None
+    assert valid is not None
+    near, counts = 0, set()
+    for place in range(len(scenes)):
+        one = scenes.take(slice(place, place + 1))
+        scene, focus, _ = scene_of(layout, one)
+        ends = {lane.id: lane.end for lane in scene.road.lanes if lane.end is not None}
+        there = np.flatnonzero(valid[place])
+        assert ends == {int(lanes[place, n]): places[place, n] for n in there}
+        told, exact = float_facts(scene, focus, {})["lane_end", 2], exact_facts(layout, one)
+        assert dict(told) == ends
+        if exact is not None:
+            for (lane, end), (other, number) in zip(exact["lane_end", 2], told, strict=True):
+                assert lane == other
+                assert abs(end - Fraction(number)) <= Fraction(2, 2**40)
+        rooms = [scene.forward * (end - scene.ego.x) - scene.ego.length / 2 for end in ends.values()]
+        near += any(0.0 < room < 50.0 for room in rooms)
+        counts.add(len(ends))
+    assert near > 100
+    assert counts >= {0, 1, 2, 3}
+
+
 def test_edges_and_typical_numbers_are_drawn() -> None:
     layout, scenes = drawn(load([]), 4000)
     for column, (low, high) in enumerate(zip(layout.low, layout.high, strict=True)):
