@@ -16,7 +16,7 @@ from gymnasium.utils.env_checker import check_env
 
 from drlsl.cli import run
 from drlsl.driving.envs import HighwayEnv, HighwayVectorEnv
-from drlsl.driving.rendering import Film, Moment, RoadView, Window, moment_of_scene
+from drlsl.driving.rendering import COLOURS, Film, Moment, RoadView, Window, moment_of_scene
 from drlsl.driving.scene import Scene, load_scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
@@ -69,6 +69,29 @@ def test_the_ego_stands_at_one_place_and_looks_ahead(scene: Scene) -> None:
         places[sign] = float((picture == np.array(EGO)).all(axis=2).nonzero()[1].mean())
     assert places[1] == pytest.approx(380, abs=3)
     assert places[-1] == pytest.approx(620, abs=3)
+
+
+def test_beyond_the_end_of_a_lane_there_is_grass(scene: Scene) -> None:
+    alone = replace(scene, vehicles=())
+    grass, along = np.array(COLOURS["grass"]), 1200 * 0.62 / 115
+    for outer, sign in ((alone.road.lanes[-1], 1), (alone.road.lanes[0], -1)):
+        assert outer.direction.sign == sign
+        ego = scene.ego._replace(lane=outer.id, y=outer.centre, vx=sign * 20.0)
+        grown = []
+        for room in (20.0, 60.0):
+            lanes = [
+                replace(lane, end=ego.x + sign * room) if lane == outer else lane for lane in alone.road.lanes
+            ]
+            road = replace(alone.road, lanes=tuple(lanes))
+            picture = RoadView().draw(Moment(replace(alone, ego=ego, road=road), ()))
+            places = (picture == grass).all(axis=2)
+            whole = RoadView().draw(Moment(replace(alone, ego=ego), ()))
+            new = places & ~(whole == grass).all(axis=2)
+            columns = new.nonzero()[1]
+            first = columns.min() if sign > 0 else columns.max()
+            assert first == pytest.approx(600 - sign * (144 - room * along), abs=6)
+            grown.append(int(new.sum()))
+        assert grown[0] > grown[1] > 0
 
 
 def test_more_is_orange_the_more_is_missing(shield: Shield, scene: Scene) -> None:

@@ -264,6 +264,8 @@ def _draw_lanes(axes: Axes, scene: Scene, left: float, right: float) -> None:
         shade = "#D9D9D9" if lane.id == scene.target_lane else "#EFEFEF"
         low, high = lane.centre - lane.width / 2, lane.centre + lane.width / 2
         axes.axhspan(low, high, color=shade, zorder=0, linewidth=0)
+        if lane.end is not None and left <= lane.end <= right:
+            axes.vlines(lane.end, low, high, color="black", linewidth=4.0, zorder=1)
         for edge in (low, high):
             near = next((known for known in edges if abs(known - edge) < 0.01), edge)
             edges[near] = edges.get(near, 0) + 1

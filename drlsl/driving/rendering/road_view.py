@@ -174,6 +174,19 @@ class RoadView:
                 self._draw_line(camera, lanes[-1].centre + lanes[-1].width / 2)
             for lane in lanes:
                 self._draw_chevrons(camera, lane)
+        for lane in scene.road.lanes:
+            if lane.end is not None:
+                self._draw_end(camera, lane, lane.end)
+
+    def _draw_end(self, camera: _Camera, lane: Lane, end: float) -> None:
+        """Draw grass beyond the end of a lane, and a line at it."""
+        x, top = camera.point(end, lane.centre - lane.width / 2)
+        height, sign = lane.width * camera.across, lane.direction.sign
+        begin, stop = (x, camera.width) if sign > 0 else (0.0, x)
+        # The outer line goes, the one to the next lane stays.
+        beyond = (begin, top + 2 * sign, max(0.0, stop - begin) + 1, height + 1)
+        self._pygame.draw.rect(self._surface, _GRASS, beyond)
+        self._pygame.draw.line(self._surface, _LINE, (x, top), (x, top + height), 4)
 
     def _draw_line(self, camera: _Camera, y: float) -> None:
         height = camera.point(0.0, y)[1]
