@@ -226,6 +226,7 @@ class LearningRun:
                     "no safe lane change can be offered; see whether the declared directions, more and less, "
                     f"are right: {contradiction_words(problem, examples)}"
                 )
+            self._tell(f"round {len(self.rounds) + 1}: searching, at most {request.seconds:g} s")
             found = search(
                 problem, clauses=request.clauses, literals=request.literals, seconds=request.seconds
             )
@@ -250,6 +251,9 @@ class LearningRun:
         request = self._request
         work = partial(_label_one, request.how, request.bias)
         many = request.jobs > 1 and len(request.recordings) > 1
+        self._tell(
+            f"labelling {request.how.changes:,} lane changes in each of {', '.join(request.recordings)}"
+        )
         with ProcessPoolExecutor(request.jobs) if many else nullcontext() as pool:
             found = pool.map(work, request.recordings) if pool is not None else map(work, request.recordings)
             parts = []
@@ -272,9 +276,12 @@ class LearningRun:
         number = len(self.rounds) + 1
         known = self.rounds[-1].proofs if self.rounds else {}
         doubtful = [name for name in request.must if not known.get(name, "").startswith("proved")]
+        if doubtful:
+            self._tell(f"round {number}: proving {', '.join(doubtful)}")
         results = examined(self._out, request.properties, doubtful, jobs=request.jobs)
         driven: list[Stressed] = []
         if all(result.status != "refuted" for result in results):
+            self._tell(f"round {number}: driving up to {request.episodes:,} episodes on each recording")
             driven = stressed(
                 self._out, request.recordings, request.episodes, 1000 * number, jobs=request.jobs
             )
