@@ -53,6 +53,8 @@ def several_actions(given: Any, count: int) -> Integers:
             f"the actions {_shown(given)} are of shape {numbers.shape}; expected ({count},), one for each "
             "environment"
         )
+    if count == 1:  # sooner than by NumPy's functions
+        return np.array([one_action(numbers.item())], dtype=np.int64)
     unsigned = numbers.astype(np.uint64)  # in which a negative number is a large one
     if np.maximum.reduce(unsigned) >= COUNT:
         raise ValueError(f"unknown action in {_shown(given)}; expected {KNOWN}")

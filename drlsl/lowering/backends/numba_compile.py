@@ -99,7 +99,9 @@ def compiled_function(function: Callable[..., Any], folder: Path | None) -> Call
             taken.append(_ANNOTATED[annotation])
     sources = [inspect.getsource(one) for one in (function, *called)]
     text = f"from __future__ import annotations\n\n\n{sources[0]}"
-    uses = [*sources[1:], *map(repr, _constants_of([function, *called]))]
+    # Numba keeps where it found the functions, too.
+    homes = [f"{one.__module__}.{one.__qualname__}" for one in (function, *called)]
+    uses = [*homes, *sources[1:], *map(repr, _constants_of([function, *called]))]
     return _kept_or_compiled(
         _Text(function.__name__, text, function.__name__, function.__globals__, uses), given(*taken), folder
     )

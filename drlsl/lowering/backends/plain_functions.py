@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Final, TypeAlias, TypeVar, cast
+from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -35,11 +35,12 @@ def machine_code(function: F) -> F:
     Raises:
         TypeError: an annotation is another one.
     """
-    return cast(F, _machine_code(function))
+    compiled: F = _machine_code(function)
+    return compiled
 
 
 @cache
-def _machine_code(function: Callable[..., Any]) -> Callable[..., Any]:
+def _machine_code(function: Callable[..., Any]) -> Any:
     compiled = _compiler()
     return function if compiled is None else compiled(function)
 
