@@ -228,13 +228,14 @@ class _Draws:
         """Begin an episode."""
         self._rngs[ego], self._next[ego] = rng, _DRAWN
 
-    def take(self) -> Floats:
-        """Return the next numbers of every ego, shape (N, 3)."""
+    def take(self, unused: Sequence[int]) -> Floats:
+        """Return the next numbers of every ego, shape (N, 3); the `unused` egos are given theirs again."""
         for ego in np.flatnonzero(self._next == _DRAWN).tolist():
             self._rngs[ego].random(out=self._numbers[ego])
             self._next[ego] = 0
         numbers = self._numbers[np.arange(len(self._next)), self._next]
         self._next += 1
+        self._next[list(unused)] -= 1
         return numbers
 
 
@@ -272,7 +273,7 @@ class _Stress:
         # An ego whose episode is over begins the next one in the following step.
         restarts: dict[int, np.random.Generator] = {}
         while (self._episode >= 0).any():
-            actions, watch, seen = self._actions(), None, self._world.seen
+            actions, watch, seen = self._actions([*restarts]), None, self._world.seen
             if self._recorder is not None:
                 self._recorder.choose(actions, np.full((len(actions), len(Action)), np.nan))
                 watch = self._recorder.watch
@@ -300,9 +301,9 @@ class _Stress:
                 break
         return started
 
-    def _actions(self) -> Actions:
-        """Return the choices of each episode's policy."""
-        drawn = self._draws.take()
+    def _actions(self, beginning: Sequence[int]) -> Actions:
+        """Return the choices of each episode's policy; the egos `beginning` one do not act in this step."""
+        drawn = self._draws.take(beginning)
         actions = np.zeros(self._world.count, dtype=np.int64)
         for number, choose in enumerate(self._choose):
             mine = self._policy == number
