@@ -132,7 +132,7 @@ def test_a_file_holds_all_of_an_episode(tmp_path: Path) -> None:
     ):
         path = tmp_path / f"{number}.npz"
         save_episode(path, episode)
-        assert same(load_episode(path), episode)
+        assert same(load_episode(str(path)), episode)
         before = path.read_bytes()
         save_episode(path, load_episode(path))
         assert path.read_bytes() == before

@@ -206,14 +206,14 @@ def _header(
     }
 
 
-def load_episode(path: Path) -> Episode:
+def load_episode(path: str | Path) -> Episode:
     """Read an episode from a file.
 
     Raises:
         UserError: the file cannot be read, or is no episode.
     """
     try:
-        with path.open("rb") as file:
+        with open(path, "rb") as file:
             if not zipfile.is_zipfile(file):
                 raise UserError(
                     f"{path}: not an episode, which is an .npz archive; "
@@ -251,7 +251,7 @@ def load_episode(path: Path) -> Episode:
     )
 
 
-def _read_header(text: str, path: Path) -> _Header:
+def _read_header(text: str, path: str | Path) -> _Header:
     data = parse_json(text, f"{path}: header")
     try:
         return _Header.model_validate_json(text)
@@ -263,7 +263,7 @@ def _read_header(text: str, path: Path) -> _Header:
         raise UserError(f"{path}: header: {problem_text(problem, place, 'is not known')}") from error
 
 
-def _check_arrays(arrays: Mapping[str, npt.NDArray[Any]], header: _Header, path: Path) -> None:
+def _check_arrays(arrays: Mapping[str, npt.NDArray[Any]], header: _Header, path: str | Path) -> None:
     """Check that the arrays are there, of their kinds, and fit together.
 
     Raises:
@@ -301,7 +301,7 @@ def _check_arrays(arrays: Mapping[str, npt.NDArray[Any]], header: _Header, path:
 
 
 def _check_rows(
-    arrays: Mapping[str, npt.NDArray[Any]], group: str, frames: int, fits: bool, path: Path
+    arrays: Mapping[str, npt.NDArray[Any]], group: str, frames: int, fits: bool, path: str | Path
 ) -> None:
     begin, rows = (
         arrays[f"{group}_begin"],
@@ -314,7 +314,7 @@ def _check_rows(
         raise UserError(f"{path}: the rows of {group}_begin do not fit the other arrays")
 
 
-def _check_places(places: npt.NDArray[Any], most: int, name: str, path: Path) -> None:
+def _check_places(places: npt.NDArray[Any], most: int, name: str, path: str | Path) -> None:
     if places.size and (places.min() < 0 or places.max() >= most):
         raise UserError(f"{path}: a number in {name} is out of range")
 
