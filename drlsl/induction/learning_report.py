@@ -10,6 +10,7 @@ from typing import Final
 from drlsl.assurance import Score
 from drlsl.driving import EnvConfig
 from drlsl.driving.drivers import DRIVERS, KEEP, Driver, make_driver
+from drlsl.errors import UserError
 from drlsl.files import write_atomic
 from drlsl.induction.examination import Stressed, stressed
 from drlsl.induction.labelled_changes import LEFT_OUT
@@ -170,8 +171,12 @@ def _driven(rules: Path, recording: str, what: ReportRequest) -> Iterator[str]:
 
     kept = times_of(driven(make_driver(KEEP)))
     for name in (_MOBIL, *what.agents):
-        summaries = driven(make_driver(name) if name in DRIVERS else load_driver(name, env, {}))
-        record = as_record(summaries, env={}, shield="on", seed=SEED, kept=kept)["totals"]
+        try:
+            driver = make_driver(name) if name in DRIVERS else load_driver(name, env, {})
+        except UserError as error:  # an agent need not observe what these rules give
+            yield f"| {name} | {rules.name} | {recording} | not driven: {error} | - | - | - |"
+            continue
+        record = as_record(driven(driver), env={}, shield="on", seed=SEED, kept=kept)["totals"]
         saved, per_km = record["time_saved"], record["lane_changes_per_km"]
         yield (
             f"| {name} | {rules.name} | {recording} | {'-' if saved is None else f'{saved:.1%}'} | "

@@ -14,6 +14,7 @@ import pytest
 
 from drlsl.assurance import Score, load_table, run_cases
 from drlsl.cli import run as command
+from drlsl.driving.drivers import Driver
 from drlsl.driving.scene import Scene, load_scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
@@ -27,12 +28,14 @@ from drlsl.induction import (
     ReportRequest,
     Stressed,
     covered,
+    learning_report,
     write_table,
 )
 from drlsl.induction.bias import SIDES
 from drlsl.induction.examination import broken_by, examined, stressed
 from drlsl.verify import Request, Result
 from drlsl.verify.confirmation import Counterexample
+from tests.assurance.evidence import RULES
 
 REQUEST = LearnRequest(
     recordings=("highway-test",),
@@ -279,3 +282,17 @@ def test_two_examples_that_contradict_the_declared_directions_are_named(
     run = LearningRun(replace(REQUEST, bias=str(bias)), tmp_path / "learnt.pl", print)
     with pytest.raises(UserError, match=r"this one was safe \(highway-test.*and this one was not \(highway-"):
         run.run()
+
+
+def test_an_agent_that_does_not_fit_the_rules_does_not_end_the_report(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(name: str, *_: object) -> Driver:
+        raise UserError(f"{name}: the agent observes what the rules do not give")
+
+    monkeypatch.setattr("drlsl.induction.learning_report.load_driver", refuse)
+    what = ReportRequest(drives=1, agents=("run",))
+    mobil, agent = learning_report._driven(RULES / "paper.pl", "freeway", what)
+    assert mobil.startswith("| mobil | paper.pl | freeway |")
+    assert agent.startswith("| run | paper.pl | freeway | not driven: run: the agent observes")
+    assert agent.count("|") == mobil.count("|")
