@@ -99,14 +99,15 @@ def learn(
     )
 
     processes = jobs or os.cpu_count() or 1
+    usual = LearnRequest()
     request = LearnRequest(
-        recordings=tuple(recording or ("highway-train", "freeway")),
+        recordings=tuple(recording or usual.recordings),
         bias=bias,
         how=Labelling(label=label, changes=changes, seed=seed),
         clauses=clauses,
         literals=literals,
         seconds=search_time,
-        must=("nobody_alongside", "nothing_hidden") if must is None else tuple(must),
+        must=usual.must if must is None else tuple(must),
         properties=tuple(properties or ()),
         episodes=episodes,
         rounds=rounds,

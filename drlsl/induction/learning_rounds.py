@@ -170,7 +170,7 @@ class LearningRun:
         """Begin, or resume what an earlier call with the same settings left.
 
         Raises:
-            UserError: the file exists, and is not of a run with these settings.
+            UserError: a recording cannot be loaded, or the file exists and is of other settings.
         """
         self._request, self._out, self._tell = request, out, tell
         self._folder = out.with_suffix(ROUNDS)
@@ -184,6 +184,8 @@ class LearningRun:
                 raise UserError(f"{flag} {number}: expected 1 or more")
         if not self._request.recordings:
             raise UserError("no recording to learn from; name one, such as highway-train")
+        for recording in self._request.recordings:  # before a folder is begun with a name that is mistyped
+            load_recording(recording)
         if self._request.must:
             Prover.of([self._request.bias], self._request.properties, self._request.must)
 

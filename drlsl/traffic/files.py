@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import gzip
+import json
 import lzma
 import zlib
 from pathlib import Path
-from typing import IO, Final, cast
+from typing import IO, Any, Final, cast
 
 from drlsl.errors import UserError
 
@@ -59,3 +60,18 @@ def open_text(path: Path) -> IO[str]:
 def unreadable(path: Path, error: BaseException) -> UserError:
     """Return the error for a file that cannot be opened, decompressed or decoded."""
     return UserError(f"{path}: cannot be read: {error or type(error).__name__}")
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file, decompressed as its suffix says.
+
+    Raises:
+        UserError: it cannot be read, or is malformed.
+    """
+    try:
+        with open_text(path) as file:
+            return json.load(file)
+    except UNREADABLE as error:
+        raise unreadable(path, error) from error
+    except ValueError as error:
+        raise UserError(f"{path}: malformed JSON: {error}") from error

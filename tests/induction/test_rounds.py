@@ -296,3 +296,9 @@ def test_an_agent_that_does_not_fit_the_rules_does_not_end_the_report(
     assert mobil.startswith("| mobil | paper.pl | freeway |")
     assert agent.startswith("| run | paper.pl | freeway | not driven: run: the agent observes")
     assert agent.count("|") == mobil.count("|")
+
+
+def test_a_mistyped_recording_begins_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["rules", "learn", "nowhere", "--out", str(tmp_path / "learnt.pl")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -9,7 +9,6 @@ Source: openautomatumdronedata 0.5.0, documentation of its fields; https://autom
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
@@ -18,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.files import UNREADABLE, open_text, unreadable
+from drlsl.traffic.files import read_json
 from drlsl.traffic.lane_pieces import pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers, frames_of, numbered
@@ -84,13 +83,7 @@ def load_automatum(source: Source) -> Recording:
 
 
 def _objects(path: Path) -> list[dict[str, Any]]:
-    try:
-        with open_text(path) as file:
-            found = json.load(file)
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
-    except ValueError as error:
-        raise UserError(f"{path}: malformed JSON: {error}") from error
+    found = read_json(path)
     objects = found.get("objects") if isinstance(found, dict) else None
     if not isinstance(objects, list) or not all(isinstance(one, dict) for one in objects):
         raise UserError(f"{path}: expected a list of objects under the key objects")

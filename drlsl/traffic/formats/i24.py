@@ -10,7 +10,6 @@ tutorial at https://github.com/I24-MOTION/data_tutorial.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +19,7 @@ import numpy.typing as npt
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.assemble import Road, assemble
-from drlsl.traffic.files import UNREADABLE, open_text, unreadable
+from drlsl.traffic.files import read_json
 from drlsl.traffic.lane_pieces import Piece, lanes_of_pieces
 from drlsl.traffic.named_rows import LONGEST
 from drlsl.traffic.plausible import Place, check_rows
@@ -111,13 +110,7 @@ def load_i24(source: Source) -> Recording:
 
 
 def _documents(path: Path) -> list[dict[str, Any]]:
-    try:
-        with open_text(path) as file:
-            found = json.load(file)
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
-    except ValueError as error:
-        raise UserError(f"{path}: malformed JSON: {error}") from error
+    found = read_json(path)
     if not isinstance(found, list) or not found or not all(isinstance(one, dict) for one in found):
         raise UserError(f"{path}: expected a list of documents, one for each vehicle")
     for number, one in enumerate(found, start=1):
