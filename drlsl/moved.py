@@ -58,7 +58,7 @@ _CAME_FROM: Final = {
     "drlsl.registration": "driving.registration",
     "drlsl.study": "study.machine study.schedule study.tables",
     "drlsl.traffic": "traffic.tables",
-    "drlsl.verify": "verify.replay verify.workers",
+    "drlsl.verify": "verify.replay",
     "drlsl.verify.attack": (
         "verify.changing verify.closeness verify.drawing verify.drawn_facts verify.enclosures verify.exact"
     ),
@@ -67,6 +67,7 @@ _CAME_FROM: Final = {
         "verify.booleans verify.formula verify.functions verify.polynomials verify.second verify.signature "
         "verify.solver verify.symbolic verify.values"
     ),
+    "drlsl.workers": "study.cluster study.local study.workers verify.workers",
 }
 """By package, the modules of 0.1, without `drlsl.`, whose work it does now."""
 

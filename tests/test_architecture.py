@@ -141,7 +141,7 @@ def test_logic_imports_the_standard_library_only(path: Path) -> None:
 @pytest.mark.parametrize(
     ("library", "allowed"),
     [
-        ("ray", {"drlsl.study.cluster"}),
+        ("ray", {"drlsl.workers.cluster"}),
         ("z3", {"drlsl.verify.smt.solver"}),
         ("cvc5", {"drlsl.verify.smt.second"}),
         ("clingo", {"drlsl.induction.clause_search"}),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
 from drlsl.errors import UserError
+
+if TYPE_CHECKING:
+    from drlsl.workers import Crew
 
 Direction: TypeAlias = Literal["both", "left_to_right", "right_to_left"]
 
@@ -32,6 +35,13 @@ def presets(incomplete: str) -> list[str]:
     return [name for name in preset_names() if name.startswith(incomplete)]
 
 
+Jobs = Annotated[
+    int | None, typer.Option(min=1, help="Processes of this machine; default: one for each processor.")
+]
+Ray = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Ray cluster to spread the work over, HOST:PORT or auto."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Rules = Annotated[
     list[Path] | None,
@@ -40,6 +50,19 @@ Rules = Annotated[
 RuleFiles = Annotated[
     list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
 ]
+
+
+def crew_of(jobs: int | None, ray: str | None) -> Crew:
+    """Return who performs the tasks of a command.
+
+    Raises:
+        UserError: both are given.
+    """
+    from drlsl.workers import Crew, cores
+
+    if jobs is not None and ray is not None:
+        raise UserError("--jobs is for this machine; with --ray the cluster's processors decide")
+    return Crew(jobs or cores(), ray)
 
 
 def check_new(folder: Path | None, what: str = "scenes") -> None:

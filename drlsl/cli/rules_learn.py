@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from drlsl.cli.options import recordings
+from drlsl.cli.options import Jobs, Ray, crew_of, recordings
 
 if TYPE_CHECKING:
     from drlsl.induction import LearningRun, Learnt
@@ -67,7 +66,8 @@ def learn(
     ] = 10_000,
     rounds: Annotated[int, typer.Option(min=1, help="The most rounds.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
+    jobs: Jobs = None,
+    ray: Ray = None,
     held_out: HeldOut = None,
     agent: Annotated[
         list[str] | None,
@@ -98,7 +98,7 @@ def learn(
         write_table,
     )
 
-    processes = jobs or os.cpu_count() or 1
+    crew = crew_of(jobs, ray)
     usual = LearnRequest()
     request = LearnRequest(
         recordings=tuple(recording or usual.recordings),
@@ -111,18 +111,18 @@ def learn(
         properties=tuple(properties or ()),
         episodes=episodes,
         rounds=rounds,
-        jobs=processes,
+        crew=crew,
     )
     result = _run(LearningRun(request, out, _tell), out)
     print("\n".join(result.lines()))
-    mutants = write_table(out, result.clauses, result.examples, jobs=processes)
+    mutants = write_table(out, result.clauses, result.examples, jobs=crew.jobs)
     print(f"wrote {out} and its table, which notices {mutants.killed} of {len(mutants.verdicts)} mutants")
     if report_episodes:
         what = ReportRequest(
             held_out=("highway-test", "overtake-test") if held_out is None else tuple(held_out),
             episodes=report_episodes,
             agents=tuple(agent or ()),
-            jobs=processes,
+            crew=crew,
         )
         print(f"wrote {LearningReport(out, request, result, mutants, _tell).write(what)}")
     if not result.finished:

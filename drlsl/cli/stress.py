@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import typer
 
 from drlsl.cli.drivers import loaded_driver, trained_env
-from drlsl.cli.options import AsJson, Direction, Rules, check_new, given_settings
+from drlsl.cli.options import AsJson, Direction, Jobs, Ray, Rules, check_new, crew_of, given_settings
 
 if TYPE_CHECKING:
     from drlsl.driving import Counts, EnvConfig, StressReport
+    from drlsl.driving.drivers import Driver
+    from drlsl.driving.shield import Shield
+    from drlsl.traffic import Recording
+    from drlsl.workers import Crew, Function, Stop
 
 Offers: TypeAlias = Literal["rules", "prediction", "all"]
 
@@ -99,6 +105,8 @@ def stress(
         typer.Option(help="Tier that runs the rules."),
     ] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
+    jobs: Jobs = None,
+    ray: Ray = None,
     out: SceneFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -108,6 +116,7 @@ def stress(
     from drlsl.traffic import bundled_recordings
 
     check_new(out)
+    crew = crew_of(jobs, ray)
     arguments = _parameters(driver, settings, policy)
     trained = trained_env(driver)
     config = _config(
@@ -127,8 +136,8 @@ def stress(
         **({} if horizon is None else {"prediction_horizon": horizon}),
     )
     policies: list[str] = [] if driver else [*POLICIES] if policy == "all" else [policy]
-    job = _Job(config, policies, driver, arguments, episodes, seed)
-    report = job.run()
+    job = _Job(config, policies, driver, arguments, seed)
+    report = job.run(episodes, crew)
     if out is not None:
         write_scenes(out, {record.name: record.scene for record in report.worst})
         job.record(out, report)
@@ -188,50 +197,81 @@ def _parameters(driver: str | None, settings: list[str] | None, policy: str) -> 
     return arguments
 
 
+@dataclass(frozen=True)
 class _Job:
-    """The episodes to drive, and the drivers who take turns."""
+    """All that the episodes depend on but their numbers, and the drivers who take turns."""
 
-    def __init__(
-        self,
-        config: EnvConfig,
-        policies: list[str],
-        driver: str | None,
-        arguments: dict[str, Any],
-        episodes: int,
-        seed: int,
-    ) -> None:
+    config: EnvConfig
+    policies: list[str]
+    driver: str | None
+    arguments: dict[str, Any]
+    seed: int
+
+    @cached_property
+    def shield(self) -> Shield:
+        """The shield of the rules."""
         from drlsl.driving.shield import Shield
+
+        return Shield.from_files(self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds)
+
+    @cached_property
+    def drivers(self) -> dict[str, Driver]:
+        """The driver by its name, if there is one."""
+        if self.driver is None:
+            return {}
+        return {self.driver: loaded_driver(self.driver, self.arguments, self.shield)}
+
+    @cached_property
+    def recordings(self) -> list[Recording]:
+        """The recordings."""
         from drlsl.traffic import load_recordings
 
-        self._config = config
-        self._policies = policies
-        self._shield = Shield.from_files(config.rules, tier=config.tier, seconds=config.rule_seconds)
-        self._drivers = {} if driver is None else {driver: loaded_driver(driver, arguments, self._shield)}
-        self._recordings = [one for name in config.recordings for one in load_recordings(name)]
-        self._episodes = episodes
-        self._seed = seed
+        return [one for name in self.config.recordings for one in load_recordings(name)]
 
-    def run(self) -> StressReport:
-        """Drive all episodes, with a progress bar on a terminal."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process without what is loaded."""
+        return _Job, tuple(getattr(self, one.name) for one in fields(self))
+
+    def files(self) -> list[Path]:
+        """Return the files that do not ship with the package."""
+        from drlsl.shield import own_files
+        from drlsl.traffic import bundled_recordings
+
+        others = set(self.config.recordings) - set(bundled_recordings())
+        return own_files(self.shield.engine) + _driver_files(self.driver) + _recording_files(sorted(others))
+
+    def driving(self) -> Function[range, StressReport]:
+        """Return the function that drives a range of episodes."""
+        from drlsl.driving import stress
+
+        def drive(episodes: range, _stop: Stop) -> StressReport:
+            *_, report = stress(
+                self.config,
+                self.recordings,
+                self.shield,
+                self.policies,
+                episodes=len(episodes),
+                first=episodes.start,
+                seed=self.seed,
+                drivers=self.drivers,
+            )
+            return report
+
+        return drive
+
+    def run(self, episodes: int, crew: Crew) -> StressReport:
+        """Drive episodes, with a progress bar on a terminal."""
         from rich.console import Console
         from rich.progress import Progress
 
-        from drlsl.driving import StressReport, stress
+        from drlsl.driving import StressReport, spread_stress
 
         report = StressReport()
         console = Console(stderr=True)
         with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-            names = ", ".join([*self._policies, *self._drivers])
-            task = progress.add_task(f"{names}; {self._shield.tier} rules", total=self._episodes)
-            for report in stress(
-                self._config,
-                self._recordings,
-                self._shield,
-                self._policies,
-                episodes=self._episodes,
-                seed=self._seed,
-                drivers=self._drivers,
-            ):
+            names = ", ".join([*self.policies, *self.drivers])
+            task = progress.add_task(f"{names}; {self.shield.tier} rules", total=episodes)
+            for report in spread_stress(crew, self.driving, episodes, files=self.files()):
                 progress.update(task, completed=report.total.episodes)
         return report
 
@@ -242,19 +282,38 @@ class _Job:
         from drlsl.driving.page import write_page
 
         episodes = record(
-            self._config,
-            self._recordings,
-            self._shield,
-            self._policies,
+            self.config,
+            self.recordings,
+            self.shield,
+            self.policies,
             report.worst,
-            episodes=self._episodes,
-            seed=self._seed,
-            drivers=self._drivers,
+            seed=self.seed,
+            drivers=self.drivers,
         )
         for contact, episode in zip(report.worst, episodes, strict=True):
             save_episode(folder / f"{contact.name}{SUFFIX}", episode)
         if episodes:
             write_page(folder / WORST, episodes, title="The worst contacts")
+
+
+def _driver_files(driver: str | None) -> list[Path]:
+    """Return the files of a driver: those of a run folder, or the one that holds it."""
+    path = Path("" if driver is None else driver.rpartition(":")[0] or driver)
+    if driver is not None and path.is_dir():
+        return sorted(one for one in path.iterdir() if one.is_file())
+    return [path] if path.is_file() else []
+
+
+def _recording_files(names: Iterable[str]) -> list[Path]:
+    """Return the files of recordings; of those in an archive, the archive."""
+    from drlsl.traffic import find_sources
+
+    archives = {name: Path(name.partition("#")[0]) for name in names}
+    found = []
+    for name, path in archives.items():
+        is_archive = path.suffix == ".zip" and path.is_file()
+        found += [path] if is_archive else [file for one in find_sources(name) for file in one.files]
+    return found
 
 
 def _report(report: StressReport) -> str:
@@ -279,7 +338,7 @@ def _report(report: StressReport) -> str:
 _ROWS: Final[dict[str, Callable[[Counts], str]]] = {
     "episodes": lambda counts: str(counts.episodes),
     "steps": lambda counts: str(counts.steps),
-    "kilometres": lambda counts: f"{counts.distance / 1000:.0f}",
+    "kilometres": lambda counts: f"{float(counts.distance) / 1000:.0f}",
     "lane changes": lambda counts: str(counts.lane_changes),
     "off the road": lambda counts: str(counts.off_road),
     "contacts at fault": lambda counts: str(counts.contacts_at_fault),

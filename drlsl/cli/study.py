@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from drlsl.cli.options import Jobs, Ray, crew_of
 from drlsl.cli.stopping import stop_on_signal
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from drlsl.study import Progress, StudyConfig, StudyFolder, Workers
+    from drlsl.study import Progress, StudyConfig, StudyFolder
+    from drlsl.workers import Crew
 
 PRESET = "smoke"
 """What a study without --preset and --config is."""
@@ -50,12 +52,8 @@ def study(
             metavar="PATH", help="Recording, or folder of NGSIM files, to test in too; may be repeated."
         ),
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default: one for each processor.")
-    ] = None,
-    ray: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Ray cluster to spread the runs over, or auto.")
-    ] = None,
+    jobs: Jobs = None,
+    ray: Ray = None,
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write the report of the finished runs, and run nothing.")
     ] = False,
@@ -78,9 +76,10 @@ def study(
     if print_config:
         typer.echo(dump_study(chosen), nl=False)
         return
+    crew = crew_of(jobs, ray)
     inputs = _inputs(chosen)
     with StudyFolder.at_work(root):
-        _run(StudyFolder.prepare(root, chosen, inputs), jobs, ray)
+        _run(StudyFolder.prepare(root, chosen, inputs), crew)
 
 
 def _chosen(
@@ -111,15 +110,15 @@ def _inputs(chosen: StudyConfig) -> dict[str, Any]:
     return {"command": shlex.join(["drlsl", *sys.argv[1:]]), **inputs_of(chosen)}
 
 
-def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
+def _run(folder: StudyFolder, crew: Crew) -> None:
     from rich.console import Console
 
-    from drlsl.study import work
+    from drlsl.study import work, workers_of
 
     console = Console(stderr=True)
     with stop_on_signal(console.print) as stop:
         with _display(folder, console) as show:
-            for progress in work(folder, _workers(folder, jobs, ray), stop.requested):
+            for progress in work(folder, workers_of(folder, crew), stop.requested):
                 show(progress)
         if stop.requested():
             console.print(f"saved in {folder.root}; run the same command to resume")
@@ -127,20 +126,6 @@ def _run(folder: StudyFolder, jobs: int | None, ray: str | None) -> None:
         _report(folder)
         if progress.given_up:
             raise typer.Exit(FAILED)
-
-
-def _workers(folder: StudyFolder, jobs: int | None, ray: str | None) -> Workers:
-    from drlsl.study import LocalWorkers, cores, perform
-
-    if ray is None:
-        return LocalWorkers(folder, perform, jobs or cores())
-    if jobs is not None:
-        raise UserError("--jobs is for this machine; with --ray the cluster's processors decide")
-    try:
-        from drlsl.study import RayWorkers
-    except ImportError as error:
-        raise UserError("--ray needs the extra 'ray': pip install 'drlsl[ray]'") from error
-    return RayWorkers(folder, perform, ray)
 
 
 def _report(folder: StudyFolder) -> None:

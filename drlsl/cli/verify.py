@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from enum import StrEnum
 from importlib.util import find_spec
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from drlsl.cli.options import AsJson, RuleFiles, check_new
+from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, check_new, crew_of
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -62,7 +61,8 @@ def verify(
     solver: Annotated[
         Solver, typer.Option(help="Who proves; both: cvc5 is asked again what z3 has proved.")
     ] = Solver.Z3,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each core.")] = None,
+    jobs: Jobs = None,
+    ray: Ray = None,
     out: SceneFolder = None,
     cache: Annotated[
         bool,
@@ -91,7 +91,7 @@ def verify(
         vehicles=vehicles,
         only=tuple(only or ()),
         time_limit=time_limit,
-        jobs=jobs or os.cpu_count() or 1,
+        crew=crew_of(jobs, ray),
         attack=SCENES if attack is None else attack,
         solver=solver.value,
         kept=answers_file(solver.value) if cache else None,

@@ -2,7 +2,16 @@ from .config import EnvConfig, Section
 from .envs import HighwayEnv, HighwayVectorEnv, make_env, make_vec
 from .scene import Action, Road, Scene, Vehicle, facts_of
 from .shield import Decision, Shield
-from .stress_test import POLICIES, ContactRecord, Counts, LaneChange, StressReport, record, stress
+from .stress_test import (
+    POLICIES,
+    ContactRecord,
+    Counts,
+    LaneChange,
+    StressReport,
+    record,
+    spread_stress,
+    stress,
+)
 
 __all__ = [
     "POLICIES",
@@ -24,5 +33,6 @@ __all__ = [
     "make_env",
     "make_vec",
     "record",
+    "spread_stress",
     "stress",
 ]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from fractions import Fraction
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -25,10 +27,14 @@ from drlsl.driving.simulation import (
 )
 from drlsl.errors import UserError
 from drlsl.traffic import Floats, Recording
+from drlsl.workers import Crew, Make
 
 Actions: TypeAlias = npt.NDArray[np.int64]
 Policy: TypeAlias = Callable[[World, Floats], Actions]
 """Chooses for each ego one of the offered actions, given numbers (N, 3) drawn from [0, 1)."""
+
+BLOCK: Final = 1000
+"""Episodes of a task when several workers drive."""
 
 WORST: Final = 10
 """Contacts whose scenes are kept."""
@@ -137,7 +143,8 @@ class Counts:
 
     episodes: int = 0
     steps: int = 0
-    distance: float = 0.0
+    distance: Fraction = Fraction(0)
+    """Metres, added exactly: the sum does not depend on the order of the episodes."""
     lane_changes: int = 0
     off_road: int = 0
     fail_safe: int = 0
@@ -173,7 +180,7 @@ class Counts:
             "fail_safe": self.fail_safe,
             "lane_changes": self.lane_changes,
             "steps": self.steps,
-            "distance": self.distance,
+            "distance": float(self.distance),
             "contacts": {name: count for name, count in sorted(self.contacts.items()) if count},
         }
 
@@ -205,7 +212,16 @@ class StressReport:
     def add_contact(self, record: ContactRecord) -> None:
         """Count a contact, and keep it if it is one of the worst."""
         self.policies[record.policy].contacts[record.verdict] += 1
-        self.worst.append(record)
+        self._keep([record])
+
+    def add(self, other: StressReport) -> None:
+        """Add the report of other episodes."""
+        for name, counts in other.policies.items():
+            self.policies.setdefault(name, Counts()).add(counts)
+        self._keep(other.worst)
+
+    def _keep(self, records: Iterable[ContactRecord]) -> None:
+        self.worst.extend(records)
         self.worst.sort(key=lambda kept: (kept.verdict != "at_fault", -kept.closing_speed, kept.episode))
         del self.worst[self.kept :]
 
@@ -337,7 +353,7 @@ class _Stress:
             policy = self._policies[self._policy[ego]]
             counts = self.report.policies[policy]
             counts.episodes += 1
-            counts.distance += float(result.distance[ego])
+            counts.distance += Fraction(float(result.distance[ego]))
             counts.off_road += bool(result.off_road[ego])
             contact = result.contacts.get(ego)
             if contact is not None:
@@ -362,11 +378,12 @@ def stress(
     *,
     episodes: int,
     seed: int,
+    first: int = 0,
     egos: int = EGOS,
     drivers: Mapping[str, Driver] | None = None,
     kept: int = WORST,
 ) -> Iterator[StressReport]:
-    """Run `episodes` episodes; yield the report, always the same object, each time some end.
+    """Run `episodes` episodes, from number `first` on; yield the report, the same object, when some end.
 
     `policies`, names of `POLICIES`, and `drivers`, by names of their own, take turns. Episode i is a function
     of (`seed`, i) and of its policy; `World` says which parts of `config` matter. The report keeps the worst
@@ -374,7 +391,26 @@ def stress(
     """
     world = _world(config, recordings, shield, min(egos, episodes))
     turns = _taking_turns(policies, drivers)
-    yield from _Stress(world, turns, _seeds(seed, episodes), None, kept=kept).run()
+    yield from _Stress(world, turns, _seeds(seed, range(first, first + episodes)), None, kept=kept).run()
+
+
+def spread_stress(
+    crew: Crew, make: Make, episodes: int, *, kept: int = WORST, files: Sequence[Path] = ()
+) -> Iterator[StressReport]:
+    """Have a crew run episodes in blocks of `BLOCK`; yield the report, the same object, when a block ends.
+
+    `make` makes the function that runs a range of episodes, for example by `stress`, and returns the report;
+    it depends on `files`. The final report depends on neither the crew nor the order in which blocks end.
+
+    Raises:
+        As `Crew.perform`.
+    """
+    blocks = [range(first, min(first + BLOCK, episodes)) for first in range(0, episodes, BLOCK)]
+    few = replace(crew, jobs=min(crew.jobs, len(blocks)))
+    report = StressReport(kept=kept)
+    for _, part in few.perform(make, blocks, files=files):
+        report.add(part)
+        yield report
 
 
 def record(
@@ -384,7 +420,6 @@ def record(
     policies: Sequence[str],
     contacts: Sequence[ContactRecord],
     *,
-    episodes: int,
     seed: int,
     drivers: Mapping[str, Driver] | None = None,
 ) -> list[Episode]:
@@ -394,7 +429,6 @@ def record(
         UserError: an episode went otherwise, since a driver depends on more than what it sees.
     """
     found: dict[int, Episode] = {}
-    all_seeds = dict(_seeds(seed, episodes))
     turns = _taking_turns(policies, drivers)
     for contact in contacts:
         world = _world(config, recordings, shield, 1)
@@ -402,7 +436,7 @@ def record(
             config, shield, contact.policy, "preferences", enforced=config.offers != "all", seed=seed
         )
         recorder = EpisodeRecorder(world, origin, lambda one: found.update({one.origin.number: one}))
-        for _ in _Stress(world, turns, [(contact.episode, all_seeds[contact.episode])], recorder).run():
+        for _ in _Stress(world, turns, _seeds(seed, [contact.episode]), recorder).run():
             pass
         expected = Ending("contact", contact.verdict, f"v{contact.vehicle}", contact.closing_speed)
         if found[contact.episode].ending != expected:
@@ -425,6 +459,7 @@ def _taking_turns(policies: Sequence[str], drivers: Mapping[str, Driver] | None)
     return turns | {name: _policy_of(driver) for name, driver in (drivers or {}).items()}
 
 
-def _seeds(seed: int, episodes: int) -> Iterator[tuple[int, np.random.SeedSequence]]:
-    """Return the seed of every episode, by its number."""
-    return enumerate(np.random.SeedSequence(seed).spawn(episodes))
+def _seeds(seed: int, episodes: Iterable[int]) -> Iterator[tuple[int, np.random.SeedSequence]]:
+    """Yield the numbers of episodes, each with its seed, which `SeedSequence.spawn` would give it."""
+    for episode in episodes:
+        yield episode, np.random.SeedSequence(seed, spawn_key=(episode,))

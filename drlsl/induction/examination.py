@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -18,9 +16,11 @@ from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.induction.bias import SIDES, Side
 from drlsl.induction.labelled_changes import Changes
+from drlsl.shield import own_files
 from drlsl.traffic import load_recording
 from drlsl.verify import Prover, Request, Result, verify
 from drlsl.verify.smt import NOBODY
+from drlsl.workers import ALONE, Crew, Function, Stop, in_order
 
 BLOCK: Final = 2000
 """Episodes of stress after which one looks whether anything went wrong."""
@@ -48,14 +48,23 @@ class Stressed:
     """
 
     recording: str
-    counts: dict[str, Any]
+    counts: Counts
     bad: tuple[BadChange, ...]
     unexplained: int
 
     @property
     def clean(self) -> bool:
         """True if nobody was at fault or off the road."""
-        return not self.counts["contacts_at_fault"] and not self.counts["off_road"]
+        return not self.counts.contacts_at_fault and not self.counts.off_road
+
+    def with_block(self, other: Stressed) -> Stressed:
+        """Return what these and further episodes on the recording found."""
+        counts = Counts()
+        counts.add(self.counts)
+        counts.add(other.counts)
+        return replace(
+            self, counts=counts, bad=self.bad + other.bad, unexplained=self.unexplained + other.unexplained
+        )
 
 
 def bad_changes(bad: Sequence[BadChange]) -> Changes:
@@ -74,7 +83,7 @@ def stressed(
     episodes: int,
     seed: int,
     *,
-    jobs: int,
+    crew: Crew = ALONE,
     whole: bool = False,
     tier: str = "auto",
 ) -> list[Stressed]:
@@ -82,38 +91,60 @@ def stressed(
 
     `whole`: all episodes in any case.
     """
-    work = partial(_stress_one, rules, episodes=episodes, seed=seed, whole=whole, tier=tier)
-    with ProcessPoolExecutor(jobs) if jobs > 1 and len(recordings) > 1 else nullcontext() as pool:
-        return list(pool.map(work, recordings) if pool is not None else map(work, recordings))
+    found = {name: Stressed(name, Counts(), (), 0) for name in recordings}
+
+    def tasks() -> Iterator[_Block]:
+        for number, first in enumerate(range(0, episodes, BLOCK)):
+            for name in recordings:
+                if whole or found[name].clean:
+                    yield _Block(name, min(BLOCK, episodes - first), seed + number)
+
+    make = partial(_stressing, rules, tier)
+    for part in in_order(crew.perform(make, tasks(), files=own_files(Shield.from_files([rules]).engine))):
+        # A block that was begun before something went wrong in the one before does not count.
+        if whole or found[part.recording].clean:
+            found[part.recording] = found[part.recording].with_block(part)
+    return list(found.values())
 
 
-def _stress_one(rules: Path, recording: str, *, episodes: int, seed: int, whole: bool, tier: str) -> Stressed:
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Some episodes of stress on a recording."""
+
+    recording: str
+    episodes: int
+    seed: int
+
+
+def _stressing(rules: Path, tier: str) -> Function[_Block, Stressed]:
+    """Return the function that drives a block with `rules`."""
     shield = Shield.from_files([rules], tier=tier)
-    config = EnvConfig(recording=recording, rules=(str(rules),))
-    loaded = [load_recording(recording)]
-    total, bad, unexplained = Counts(), list[BadChange](), 0
-    for block in range(0, episodes, BLOCK):
-        count = min(BLOCK, episodes - block)
-        run = stress(
-            config, loaded, shield, [*POLICIES], episodes=count, seed=seed + block // BLOCK, kept=_KEPT
+    recording = lru_cache(load_recording)
+
+    def drive(block: _Block, _stop: Stop) -> Stressed:
+        config = EnvConfig(recording=block.recording, rules=(str(rules),))
+        *_, report = stress(
+            config,
+            [recording(block.recording)],
+            shield,
+            [*POLICIES],
+            episodes=block.episodes,
+            seed=block.seed,
+            kept=_KEPT,
         )
-        *_, report = run
-        total.add(report.total)
-        for contact in report.worst:
-            if contact.verdict != "at_fault":
-                continue
-            if contact.change is None:
-                unexplained += 1
-            else:
-                side = _SIDE_OF[contact.change.action]
-                bad.append(BadChange(contact.change.scene, side, f"stress of {recording}"))
-        if not whole and (total.contacts_at_fault or total.off_road):
-            break
-    return Stressed(recording, total.as_json(), tuple(bad), unexplained)
+        at_fault = [contact for contact in report.worst if contact.verdict == "at_fault"]
+        bad = tuple(
+            BadChange(one.change.scene, _SIDE_OF[one.change.action], f"stress of {block.recording}")
+            for one in at_fault
+            if one.change is not None
+        )
+        return Stressed(block.recording, report.total, bad, len(at_fault) - len(bad))
+
+    return drive
 
 
 def examined(
-    rules: Path, properties: Sequence[Path], names: Sequence[str], *, jobs: int, attack: int = 0
+    rules: Path, properties: Sequence[Path], names: Sequence[str], *, crew: Crew = ALONE, attack: int = 0
 ) -> list[Result]:
     """Return the results of trying to prove the named properties of `rules`.
 
@@ -123,7 +154,7 @@ def examined(
     if not names:
         return []
     request = Request(
-        rules=(rules,), properties=tuple(properties), only=tuple(names), jobs=jobs, attack=attack
+        rules=(rules,), properties=tuple(properties), only=tuple(names), crew=crew, attack=attack
     )
     return verify(request).results
 

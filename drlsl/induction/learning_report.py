@@ -17,6 +17,7 @@ from drlsl.induction.labelled_changes import LEFT_OUT
 from drlsl.induction.learning_rounds import LearnRequest, Learnt
 from drlsl.learning import EpisodeSummary, as_record, drive, load_driver, make_evaluation_env, times_of
 from drlsl.verify import Request, Result, verify, write_counterexample
+from drlsl.workers import ALONE, Crew
 
 BESIDE: Final = ("highway.pl", "paper.pl")
 """Programs beside which learnt rules are judged."""
@@ -43,7 +44,7 @@ class ReportRequest:
     drives: int = 100
     agents: tuple[str, ...] = ()
     attack: int = 20_000
-    jobs: int = 1
+    crew: Crew = ALONE
 
 
 class LearningReport:
@@ -98,7 +99,7 @@ class LearningReport:
 
     def _proofs(self, what: ReportRequest) -> Iterator[str]:
         request = Request(
-            rules=(self._rules,), properties=self._request.properties, jobs=what.jobs, attack=what.attack
+            rules=(self._rules,), properties=self._request.properties, crew=what.crew, attack=what.attack
         )
         self._tell("report: proofs")
         yield "| property | result | means |"
@@ -127,7 +128,7 @@ class LearningReport:
                 [*self._request.recordings, *held_out],
                 what.episodes,
                 SEED,
-                jobs=what.jobs,
+                crew=what.crew,
                 whole=True,
             )
             yield from (_stress_row(rules, one, one.recording in held_out) for one in driven)
@@ -152,7 +153,7 @@ def _status(result: Result) -> str:
 
 
 def _stress_row(rules: Path, one: Stressed, held_out: bool) -> str:
-    counts = one.counts
+    counts = one.counts.as_json()
     changes, excused = counts["lane_changes"], counts["contacts_not_at_fault"]
     share = f"{excused / changes:.3f}" if changes else "-"
     return (

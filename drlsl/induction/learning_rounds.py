@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -25,6 +23,7 @@ from drlsl.induction.learnt_file import contradiction_words, learnt_text
 from drlsl.induction.search_problem import LearntClause, SearchProblem, covered
 from drlsl.traffic import load_recording
 from drlsl.verify import Prover, Result
+from drlsl.workers import ALONE, Crew, Function, in_order
 
 Tell = Callable[[str], None]
 
@@ -50,12 +49,12 @@ class LearnRequest:
     properties: tuple[Path, ...] = ()
     episodes: int = 10_000
     rounds: int = 20
-    jobs: int = 1
+    crew: Crew = ALONE
 
     def as_json(self) -> dict[str, Any]:
         """Return all that the rounds depend on."""
         values = asdict(self)
-        del values["jobs"], values["rounds"]
+        del values["crew"], values["rounds"]
         return {**values, "properties": [str(path) for path in self.properties]}
 
 
@@ -249,23 +248,21 @@ class LearningRun:
         return bool(self.rounds) and (not self.rounds[-1].bad or len(self.rounds) >= self._request.rounds)
 
     def _labelled(self) -> list[Changes]:
-        """Return the labelled lane changes of each recording, driven in as many processes as are allowed."""
+        """Return the labelled lane changes of each recording."""
         request = self._request
-        work = partial(_label_one, request.how, request.bias)
-        many = request.jobs > 1 and len(request.recordings) > 1
+        make = partial(_labelling, request.how, request.bias)
         self._tell(
             f"labelling {request.how.changes:,} lane changes in each of {', '.join(request.recordings)}"
         )
-        with ProcessPoolExecutor(request.jobs) if many else nullcontext() as pool:
-            found = pool.map(work, request.recordings) if pool is not None else map(work, request.recordings)
-            parts = []
-            for name, part in zip(request.recordings, found, strict=True):
-                left = ", ".join(f"{count:,} {why}" for why, count in sorted(part.left_out.items()))
-                self._tell(
-                    f"{name}: {len(part):,} lane changes, {int(part.unsafe.sum()):,} unsafe; left out: "
-                    f"{left or 'none'}"
-                )
-                parts.append(part)
+        found = in_order(request.crew.perform(make, request.recordings))
+        parts = []
+        for name, part in zip(request.recordings, found, strict=True):
+            left = ", ".join(f"{count:,} {why}" for why, count in sorted(part.left_out.items()))
+            self._tell(
+                f"{name}: {len(part):,} lane changes, {int(part.unsafe.sum()):,} unsafe; left out: "
+                f"{left or 'none'}"
+            )
+            parts.append(part)
         return parts
 
     def _problem(self, examples: Examples) -> SearchProblem:
@@ -280,16 +277,16 @@ class LearningRun:
         doubtful = [name for name in request.must if not known.get(name, "").startswith("proved")]
         if doubtful:
             self._tell(f"round {number}: proving {', '.join(doubtful)}")
-        results = examined(self._out, request.properties, doubtful, jobs=request.jobs)
+        results = examined(self._out, request.properties, doubtful, crew=request.crew)
         driven: list[Stressed] = []
         if all(result.status != "refuted" for result in results):
             self._tell(f"round {number}: driving up to {request.episodes:,} episodes on each recording")
             driven = stressed(
-                self._out, request.recordings, request.episodes, 1000 * number, jobs=request.jobs
+                self._out, request.recordings, request.episodes, 1000 * number, crew=request.crew
             )
             if all(one.clean for one in driven):
                 rest = [name for name in request.must if name not in doubtful]
-                results += examined(self._out, request.properties, rest, jobs=request.jobs)
+                results += examined(self._out, request.properties, rest, crew=request.crew)
         bad = [one for result in results for one in self._broken(result)]
         bad += [one for part in driven for one in part.bad]
         self._check_offered(found.clauses, bad)
@@ -300,7 +297,7 @@ class LearningRun:
             safe=found.safe,
             optimal=found.optimal,
             hardest=len(problem.hardest),
-            stress={one.recording: one.counts for one in driven},
+            stress={one.recording: one.counts.as_json() for one in driven},
             proofs={name: statuses.get(name, known.get(name, "not tried")) for name in request.must},
             bad=tuple(bad),
             unexplained=sum(one.unexplained for one in driven),
@@ -330,5 +327,6 @@ class LearningRun:
         write_atomic(self._out, text.encode())
 
 
-def _label_one(how: Labelling, bias: str, recording: str) -> Changes:
-    return cached_changes(how, bias, load_recording(recording))
+def _labelling(how: Labelling, bias: str) -> Function[str, Changes]:
+    """Return the function that labels the lane changes of a recording."""
+    return lambda recording, _stop: cached_changes(how, bias, load_recording(recording))

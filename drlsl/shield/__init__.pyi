@@ -4,7 +4,7 @@ from .fact_forms import Facts
 from .offers import Counts, Offer, Offers
 from .rule_answers import Interpreter
 from .rule_failure import RuleFailure
-from .rule_files import consult_rules, rule_file, rules_folder
+from .rule_files import consult_rules, own_files, program_files, rule_file, rules_folder
 from .tiers import array_compiler, choose_tier, fastest_for_many
 from .vector_wrapper import LogicVectorShield, of_each
 from .wrapper import LogicShield
@@ -25,6 +25,8 @@ __all__ = [
     "consult_rules",
     "fastest_for_many",
     "of_each",
+    "own_files",
+    "program_files",
     "rule_file",
     "rules_folder",
 ]

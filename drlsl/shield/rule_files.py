@@ -52,6 +52,19 @@ def rule_file(path: str | Path) -> Path:
     return shipped if shipped.is_file() else Path(path)
 
 
+def program_files(engine: Engine) -> list[Path]:
+    """Return the files that the clauses of a program come from, in the order of their names."""
+    clauses = (clause for key in engine.predicates() for clause in engine.clauses(*key))
+    return sorted({Path(clause.span.name) for clause in clauses if clause.span is not None})
+
+
+def own_files(engine: Engine) -> list[Path]:
+    """Return the files of a program that do not ship with the package."""
+    shipped = rules_folder().resolve()
+    files = [path for path in program_files(engine) if path.is_file()]
+    return [path for path in files if not path.resolve().is_relative_to(shipped)]
+
+
 def loaded(rules: Rules) -> Engine:
     """Return an engine with the program of rule files, consulted in order, or of a text.
 

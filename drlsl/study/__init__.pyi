@@ -1,26 +1,18 @@
 from .benchmark import benchmark
-from .cluster import RayWorkers
-from .computer import cores
 from .folder import STUDY, StudyFolder
-from .local import LocalWorkers
 from .plan import StudyConfig, dump_study, load_study, preset_study, with_changes
 from .report import write_report
 from .results import collect
-from .task_order import Progress, work
+from .task_order import Progress, work, workers_of
 from .tasks import inputs_of, perform
-from .workers import Workers
 
 __all__ = [
     "STUDY",
-    "LocalWorkers",
     "Progress",
-    "RayWorkers",
     "StudyConfig",
     "StudyFolder",
-    "Workers",
     "benchmark",
     "collect",
-    "cores",
     "dump_study",
     "inputs_of",
     "load_study",
@@ -28,5 +20,6 @@ __all__ = [
     "preset_study",
     "with_changes",
     "work",
+    "workers_of",
     "write_report",
 ]

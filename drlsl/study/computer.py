@@ -1,14 +1,9 @@
 """The machine that a study runs on."""
 
-import os
 import platform
 from pathlib import Path
 
-
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    # os.process_cpu_count is newer than the oldest Python that we support.
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+from drlsl.workers import cores
 
 
 def processors() -> str:

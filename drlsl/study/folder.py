@@ -1,7 +1,7 @@
 """The folder of a study: a task is done when its result is here, so a resumed study does what is missing."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -10,6 +10,7 @@ from drlsl.errors import UserError
 from drlsl.files import FolderLock, check_text, open_values, seal_text, seal_values, write_atomic
 from drlsl.learning import METRICS, RunFolder
 from drlsl.study.plan import Run, StudyConfig, Task, dump_study, load_study
+from drlsl.workers import Failure
 
 STUDY, INPUTS = "study.yaml", "inputs.json"
 RUNS, EVALUATIONS, FAILURES, LOGS, REPORT = "runs", "evaluations", "failures", "logs", "report"
@@ -24,14 +25,6 @@ DONE = "trained.json"
 
 ATTEMPTS = 2
 """Attempts at a task."""
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """A failed attempt at a task: one line for people, and the last output of its process."""
-
-    summary: str
-    log: str
 
 
 class StudyFolder:

@@ -8,8 +8,9 @@ import pandas as pd
 
 from drlsl.driving.simulation import Verdict
 from drlsl.learning import METRIC_COLUMNS, Totals, time_saved
-from drlsl.study.folder import Failure, StudyFolder
+from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import StudyConfig, Task
+from drlsl.workers import Failure
 
 EXCUSES = [verdict.value for verdict in Verdict if verdict is not Verdict.AT_FAULT]
 """Reasons for a contact not to be the ego's fault."""

@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Final
 
-from drlsl.study.folder import Failure, StudyFolder
+from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import Task
-from drlsl.study.workers import Workers
+from drlsl.study.tasks import Perform, perform
+from drlsl.workers import Crew, Failure, Stop, Workers
 
 TICK_S: Final = 0.5
 """Interval between checks of the progress."""
@@ -29,9 +32,22 @@ class Progress:
     """Its failure, if it failed."""
 
 
-def work(
-    folder: StudyFolder, workers: Workers, stop: Callable[[], bool] = lambda: False
-) -> Iterator[Progress]:
+def workers_of(folder: StudyFolder, crew: Crew, do: Perform = perform) -> Workers[Task, None]:
+    """Return workers that perform the tasks of a study, also those of one job in a process of its own.
+
+    Raises:
+        UserError: there is no such cluster.
+    """
+    # Nodes of a cluster are in other folders.
+    at_home = StudyFolder(folder.root.resolve(), folder.study)
+    return crew.workers(partial(_performing, at_home.root, do), log=at_home.log, saves=True)
+
+
+def _performing(root: Path, do: Perform) -> Callable[[Task, Stop], None]:
+    return partial(do, root)
+
+
+def work(folder: StudyFolder, workers: Workers[Task, None], stop: Stop = lambda: False) -> Iterator[Progress]:
     """Perform all missing tasks; yield the progress at the end of each task, and at intervals.
 
     A failed task is resumed, up to `ATTEMPTS` attempts in all; failures are kept in the folder, so those
@@ -46,7 +62,8 @@ def work(
                 yield _standing(folder, workers)
                 workers.close()
                 return
-            for task, failure in workers.wait(TICK_S):
+            for outcome in workers.wait(TICK_S):
+                task, failure = outcome.task, outcome.failure
                 problem = failure if folder.is_done(task) or failure else NOTHING_DONE
                 if problem is not None:
                     folder.add_failure(task, problem)
@@ -59,7 +76,7 @@ def work(
         workers.stop()
 
 
-def _start_ready(folder: StudyFolder, workers: Workers, open_tasks: list[Task]) -> None:
+def _start_ready(folder: StudyFolder, workers: Workers[Task, None], open_tasks: list[Task]) -> None:
     busy = workers.busy
     needs = folder.study.needs
     ready = [
@@ -74,7 +91,10 @@ def _start_ready(folder: StudyFolder, workers: Workers, open_tasks: list[Task]) 
 
 
 def _standing(
-    folder: StudyFolder, workers: Workers, ended: Task | None = None, failure: Failure | None = None
+    folder: StudyFolder,
+    workers: Workers[Task, None],
+    ended: Task | None = None,
+    failure: Failure | None = None,
 ) -> Progress:
     tasks = folder.study.tasks
     return Progress(

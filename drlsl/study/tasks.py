@@ -35,8 +35,8 @@ from drlsl.study.folder import StudyFolder
 from drlsl.study.plan import Run, StudyConfig, Task
 from drlsl.traffic import find_sources
 from drlsl.version import __version__
+from drlsl.workers import Stop
 
-Stop = Callable[[], bool]
 Perform = Callable[[Path, Task, Stop], None]
 """Performs a task of the study in a folder; once asked to stop, leaves it unfinished, to be resumed."""
 

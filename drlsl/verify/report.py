@@ -5,22 +5,22 @@ Proofs are judged in floats, and attacked, before they are reported.
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+from drlsl.shield import own_files
 from drlsl.verify.attack import SCENES, SEED, Attack, Hit, Orders, attack
 from drlsl.verify.confirmation import Counterexample
 from drlsl.verify.floats import Floats
-from drlsl.verify.processes import Workers
 from drlsl.verify.prove import Finding, Prover, Status, Task
 from drlsl.verify.ranges import Case, Range, all_cases
 from drlsl.verify.smt import SolverChoice
+from drlsl.workers import ALONE, Crew, Function, Make, in_order
 
 IN_REAL_ARITHMETIC: Final = "proved in real arithmetic only"
 """The status of a property that floats may break without any limit, or do break in a scene."""
@@ -43,7 +43,7 @@ class Request:
     vehicles: int = 6
     only: tuple[str, ...] = ()
     time_limit: float = 60.0
-    jobs: int = 1
+    crew: Crew = ALONE
     cases: tuple[Case, ...] = field(default_factory=lambda: tuple(all_cases()))
     attack: int = SCENES
     seed: int = SEED
@@ -184,23 +184,30 @@ class Report:
 def verify(request: Request, progress: Callable[[int, int], None] = lambda _done, _all: None) -> Report:
     """Prove or refute every property; `progress` is called with the numbers of finished and of all steps.
 
+    Whoever does the work, findings count in the order of the cases: the result is the same.
+
     Raises:
-        UserError: a file cannot be read, or there is no such property.
+        UserError: a file cannot be read, there is no such property, or no such cluster.
         PrologError: a file is not a valid program.
     """
     prover = Prover.of(request.rules, request.properties, request.only, request.solver, request.kept)
     results = {one.name: one for one in _results(prover, request)}
+    perform = partial(request.crew.perform, _maker(prover, request), files=own_files(prover.book.engine))
     cases = len(request.cases)
-    with _crew(prover, request) as crew:
-        agenda = _Agenda(request, results, prover)
-        for done, findings in enumerate(crew(agenda.next), start=1):
-            for finding in findings:
-                results[finding.property].take(finding)
-            progress(done, cases + len(results))
-        raids = [raid for one in results.values() if (raid := _raid(one, request)) is not None]
-        for done, judged in enumerate(crew(_one_by_one(raids)), start=cases + 1):
-            results[judged.property].take_judgement(judged)
-            progress(done, cases + len(raids))
+    agenda = _Agenda(request, results, prover)
+
+    def found() -> Iterator[tuple[int, list[Finding]]]:
+        for count, (number, findings) in enumerate(perform(agenda.tasks()), start=1):
+            progress(count, cases + len(results))
+            agenda.note(findings)
+            yield number, findings
+
+    for findings in in_order(found()):
+        agenda.take(findings)
+    raids = [raid for one in results.values() if (raid := _raid(one, request)) is not None]
+    for count, (_, judged) in enumerate(perform(raids), start=1):
+        results[judged.property].take_judgement(judged)
+        progress(cases + count, cases + len(raids))
     book = prover.book
     return Report(list(results.values()), book.ranges, cases, book.unknowns)
 
@@ -215,24 +222,38 @@ def _results(prover: Prover, request: Request) -> Iterator[Result]:
 
 
 class _Agenda:
-    """Hands out one case after another, with the properties that are still open."""
+    """Hands out one case after another, with the properties that are still open, and takes the findings."""
 
     def __init__(self, request: Request, results: dict[str, Result], prover: Prover) -> None:
         self._request = request
-        self._results = [result for name, result in results.items() if name not in prover.refused]
-        self._cases = iter(request.cases)
+        self._results = {name: result for name, result in results.items() if name not in prover.refused}
+        self._refuted: set[str] = set()
 
-    def next(self) -> Task | None:
-        """Return the next task; None if nothing is left to do."""
-        open_ = tuple(
-            result.name
-            for result in self._results
-            if result.status != "refuted" and result.unknown < _MOST_UNKNOWN
-        )
-        case = next(self._cases, None)
-        if case is None or not open_:
-            return None
-        return Task(case, open_, self._request.vehicles, self._request.time_limit)
+    def tasks(self) -> Iterator[Task]:
+        """Yield the tasks."""
+        for case in self._request.cases:
+            names = tuple(
+                name for name, one in self._results.items() if _is_open(one) and name not in self._refuted
+            )
+            if not names:
+                return
+            yield Task(case, names, self._request.vehicles, self._request.time_limit)
+
+    def note(self, findings: Iterable[Finding]) -> None:
+        """Have properties that are refuted in a case not be examined in later ones."""
+        self._refuted.update(one.property for one in findings if one.status == "refuted")
+
+    def take(self, findings: Iterable[Finding]) -> None:
+        """Add the findings in the next case; those about a property that is closed do not count."""
+        for finding in findings:
+            result = self._results[finding.property]
+            if _is_open(result):
+                result.take(finding)
+
+
+def _is_open(result: Result) -> bool:
+    """Return whether a property is to be examined in further cases."""
+    return result.status != "refuted" and result.unknown < _MOST_UNKNOWN
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,30 +288,14 @@ def _raid(result: Result, request: Request) -> Raid | None:
     return Raid(result.name, request.vehicles, orders)
 
 
-def _one_by_one(raids: Sequence[Raid]) -> Callable[[], Raid | None]:
-    left = iter(raids)
-    return lambda: next(left, None)
-
-
 Work: TypeAlias = "Task | Raid"
-_Crew: TypeAlias = "Callable[[Callable[[], Any]], Iterator[Any]]"
-"""Performs pieces of work; yields findings or judgements."""
 
 
-@contextmanager
-def _crew(prover: Prover, request: Request) -> Iterator[_Crew]:
-    """Provide the workers: this process, or several."""
-    if request.jobs == 1:
-        yield functools.partial(_alone, prover)
-        return
-    program = (request.rules, request.properties, request.only, request.solver, request.kept)
-    with Workers(request.jobs, _prepare, *program) as workers:
-        yield workers.results
-
-
-def _alone(prover: Prover, next_task: Callable[[], Work | None]) -> Iterator[Any]:
-    while (task := next_task()) is not None:
-        yield _do(prover, task)
+def _maker(prover: Prover, request: Request) -> Make:
+    """Return what makes the function that performs a piece of work."""
+    if request.crew == ALONE:
+        return partial(_performing, prover)
+    return partial(_prepare, request.rules, request.properties, request.only, request.solver, request.kept)
 
 
 def _prepare(
@@ -299,9 +304,12 @@ def _prepare(
     only: Sequence[str],
     solver: SolverChoice,
     kept: Path | None,
-) -> Callable[[Work], Any]:
-    """Return the function by which a worker performs a piece of work."""
-    return functools.partial(_do, Prover.of(rules, properties, only, solver, kept))
+) -> Function[Work, Any]:
+    return _performing(Prover.of(rules, properties, only, solver, kept))
+
+
+def _performing(prover: Prover) -> Function[Work, Any]:
+    return lambda work, _stop: _do(prover, work)
 
 
 def _do(prover: Prover, work: Work) -> list[Finding] | Judgement:

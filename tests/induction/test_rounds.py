@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +16,7 @@ import pytest
 
 from drlsl.assurance import Score, load_table, run_cases
 from drlsl.cli import run as command
+from drlsl.driving import Counts
 from drlsl.driving.drivers import Driver
 from drlsl.driving.scene import Scene, load_scene
 from drlsl.driving.shield import Shield
@@ -35,6 +38,7 @@ from drlsl.induction.bias import SIDES
 from drlsl.induction.examination import broken_by, examined, stressed
 from drlsl.verify import Request, Result
 from drlsl.verify.confirmation import Counterexample
+from drlsl.workers import Crew
 from tests.assurance.evidence import RULES
 
 REQUEST = LearnRequest(
@@ -44,13 +48,7 @@ REQUEST = LearnRequest(
     must=(),
     episodes=10,
 )
-CLEAN: dict[str, Any] = {
-    "episodes": 10,
-    "contacts_at_fault": 0,
-    "contacts_not_at_fault": 3,
-    "off_road": 0,
-    "lane_changes": 7,
-}
+CLEAN = Counts(episodes=10, lane_changes=7, contacts=Counter(cut_off=3))
 
 
 class Trouble:
@@ -60,13 +58,13 @@ class Trouble:
         self.times, self.rounds, self._examples = times, 0, examples
 
     def __call__(
-        self, rules: Path, recordings: Sequence[str], episodes: int, seed: int, *, jobs: int
+        self, rules: Path, recordings: Sequence[str], episodes: int, seed: int, *, crew: Crew
     ) -> list[Stressed]:
         self.rounds += 1
         if self.rounds > self.times:
             return [Stressed(recordings[0], CLEAN, (), 0)]
         bad = BadChange(*self._offered(rules), f"stress of {recordings[0]}")
-        return [Stressed(recordings[0], {**CLEAN, "contacts_at_fault": 1}, (bad,), 0)]
+        return [Stressed(recordings[0], replace(CLEAN, contacts=Counter(at_fault=1, cut_off=3)), (bad,), 0)]
 
     def _offered(self, rules: Path) -> tuple[Scene, Any]:
         """Return a scene and side that the rules offer, as hard as any."""
@@ -161,9 +159,9 @@ def test_stress_keeps_the_lane_changes_that_ended_at_fault(tmp_path: Path) -> No
     (tmp_path / "bold.pl").write_text(
         ":- ensure_loaded('highway.pl').\n:- abolish(obstacle/4).\nobstacle(_, _, _, _) :- fail.\n"
     )
-    (found,) = stressed(tmp_path / "bold.pl", ["highway-test"], 24, 3, jobs=1, tier="numpy")
+    (found,) = stressed(tmp_path / "bold.pl", ["highway-test"], 24, 3, tier="numpy")
     assert not found.clean
-    assert len(found.bad) + found.unexplained == found.counts["contacts_at_fault"] > 0
+    assert len(found.bad) + found.unexplained == found.counts.contacts_at_fault > 0
     assert found.bad
     offered = Shield.from_files([tmp_path / "bold.pl"])
     for one in found.bad:
@@ -179,7 +177,7 @@ def test_a_counterexample_says_which_lane_change_breaks_a_property(tmp_path: Pat
         "objection(A, no_lane) :- lane_change(A, S), \\+ side_lane(S, _).\n"
         "objection(left_lane_change, too_close(C, G, N)) :- obstacle(left, C, G, N).\n"
     )
-    (result,) = examined(rules, (), ["nobody_alongside"], jobs=1)
+    (result,) = examined(rules, (), ["nobody_alongside"])
     assert result.status == "refuted"
     found = list(broken_by(rules, (), result))
     assert [(one.side, one.origin) for one in found] == [("right", "property nobody_alongside")]
@@ -271,7 +269,7 @@ def _one_refutation(request: Request) -> Any:
 
 
 def _no_stress(rules: Path, recordings: Sequence[str], *rest: Any, **options: Any) -> list[Stressed]:
-    return [Stressed(name, {**CLEAN, "distance": 1000.0}, (), 0) for name in recordings]
+    return [Stressed(name, replace(CLEAN, distance=Fraction(1000)), (), 0) for name in recordings]
 
 
 def test_two_examples_that_contradict_the_declared_directions_are_named(

@@ -14,6 +14,7 @@ from drlsl.induction import Labelling, label_changes
 from drlsl.induction.examination import examined, stressed
 from drlsl.traffic import load_recording
 from drlsl.verify import Request, verify
+from drlsl.workers import Crew
 from tests.assurance.evidence import RULES, table_cases
 
 LEARNT = RULES / "learnt.pl"
@@ -47,15 +48,15 @@ def test_what_must_hold_is_proved_on_some_roads() -> None:
 
 @pytest.mark.slow
 def test_what_must_hold_is_proved_on_every_road() -> None:
-    for result in examined(LEARNT, (), MUST, jobs=2, attack=20_000):
+    for result in examined(LEARNT, (), MUST, crew=Crew(2), attack=20_000):
         assert (result.status, result.for_any_number) == ("proved", True), result.name
 
 
 @pytest.mark.parametrize("recording", ["highway-train", "freeway", "highway-test"])
 def test_nobody_is_at_fault_in_a_few_episodes(recording: str) -> None:
-    (found,) = stressed(LEARNT, [recording], 15, 1, jobs=1, tier="numpy")
+    (found,) = stressed(LEARNT, [recording], 15, 1, tier="numpy")
     assert found.clean
-    assert found.counts["lane_changes"] > 5
+    assert found.counts.lane_changes > 5
 
 
 def test_it_offers_more_than_the_default_in_recorded_traffic() -> None:

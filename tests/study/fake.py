@@ -14,7 +14,8 @@ from drlsl.learning.episode import EpisodeSummary
 from drlsl.learning.trainer import EpisodeEvent
 from drlsl.study import StudyConfig, StudyFolder
 from drlsl.study.plan import Task, make_study
-from drlsl.study.tasks import SHIELDS, Stop
+from drlsl.study.tasks import SHIELDS
+from drlsl.workers import Stop
 
 PAUSE = "PAUSE_S"
 """Environment variable: how long an episode takes."""

@@ -9,8 +9,9 @@ import pytest
 
 from drlsl.cli import run
 from drlsl.errors import UserError
-from drlsl.study import StudyFolder, work
+from drlsl.study import StudyFolder, work, workers_of
 from drlsl.study.plan import Run, Task
+from drlsl.workers import Crew
 
 from .fake import INPUTS, PAUSE, perform, study, tell_to_fail
 
@@ -35,14 +36,12 @@ def folder(tmp_path: Path) -> StudyFolder:
 
 
 def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -> None:
-    from drlsl.study import RayWorkers
-
     tell_to_fail(folder.root, "m0-seed0", "raise", 1)
     tell_to_fail(folder.root, "m1-seed0.freeway", "killed", 1)
     tell_to_fail(folder.root, "m1-seed1", "raise", 3)
     busy = []
     on_terminate = signal.getsignal(signal.SIGTERM)
-    workers = RayWorkers(folder, perform, cluster.address)
+    workers = workers_of(folder, Crew(ray=cluster.address), perform)
     assert signal.getsignal(signal.SIGTERM) is on_terminate
     for progress in work(folder, workers):
         busy.append(len(progress.busy))
@@ -60,17 +59,15 @@ def test_a_study_on_two_nodes_with_failures(cluster: Any, folder: StudyFolder) -
 def test_a_stopped_study_goes_on_in_processes_of_this_machine(
     cluster: Any, folder: StudyFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from drlsl.study import LocalWorkers, RayWorkers
-
     monkeypatch.setenv(PAUSE, "0.05")
 
     def begun() -> bool:
         return any(folder.episodes_done(run) for run in folder.study.runs)
 
-    for progress in work(folder, RayWorkers(folder, perform, cluster.address), begun):
+    for progress in work(folder, workers_of(folder, Crew(ray=cluster.address), perform), begun):
         assert progress.failure is None
     assert not all(map(folder.is_done, folder.study.tasks))
-    assert list(work(folder, LocalWorkers(folder, perform, 2)))[-1].done == 16
+    assert list(work(folder, workers_of(folder, Crew(2), perform)))[-1].done == 16
 
 
 def test_the_nodes_of_a_cluster_do_real_work(cluster: Any, tmp_path: Path) -> None:
@@ -95,7 +92,5 @@ def test_the_nodes_of_a_cluster_do_real_work(cluster: Any, tmp_path: Path) -> No
     ],
 )
 def test_a_cluster_that_is_not_there(folder: StudyFolder, address: str, told: str) -> None:
-    from drlsl.study import RayWorkers
-
     with pytest.raises(UserError, match=told):
-        RayWorkers(folder, perform, address)
+        workers_of(folder, Crew(ray=address), perform)

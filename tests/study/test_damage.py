@@ -8,9 +8,9 @@ import pytest
 
 from drlsl.errors import UserError
 from drlsl.study import StudyFolder
-from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
 from drlsl.study.results import Results, collect
+from drlsl.workers import Failure
 
 from .fake import INPUTS, perform, study
 

@@ -8,9 +8,9 @@ from drlsl.errors import UserError
 from drlsl.files import digest
 from drlsl.learning.rundir import CONFIG
 from drlsl.study import StudyFolder
-from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
 from drlsl.study.results import collect
+from drlsl.workers import Failure
 
 from .fake import INPUTS, perform, study
 

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.study import LocalWorkers, Progress, StudyFolder, work
+from drlsl.study import Progress, StudyFolder, work, workers_of
 from drlsl.study.plan import Run, Task
+from drlsl.workers import Crew
 
 from .fake import INPUTS, PAUSE, perform, study, tell_to_fail
 
@@ -19,7 +20,7 @@ def folder(tmp_path: Path) -> StudyFolder:
 
 def work_off(folder: StudyFolder) -> Progress:
     """Where the study stands in the end."""
-    return list(work(folder, LocalWorkers(folder, perform, 2)))[-1]
+    return list(work(folder, workers_of(folder, Crew(2), perform)))[-1]
 
 
 def attempts(folder: StudyFolder) -> list[str]:
@@ -67,7 +68,7 @@ def test_a_failed_task_is_tried_once_more_and_then_given_up(folder: StudyFolder)
 @pytest.mark.slow
 def test_failures_before_an_interruption_count(folder: StudyFolder) -> None:
     tell_to_fail(folder.root, TRAINING.name, "killed", 3)
-    for progress in work(folder, LocalWorkers(folder, perform, 2)):
+    for progress in work(folder, workers_of(folder, Crew(2), perform)):
         if progress.failure:
             break
     assert len(folder.failures(TRAINING)) == 1
@@ -82,7 +83,7 @@ def test_being_stopped_is_no_failure(folder: StudyFolder, monkeypatch: pytest.Mo
     def begun() -> bool:
         return any(folder.episodes_done(run) for run in folder.study.runs)
 
-    for progress in work(folder, LocalWorkers(folder, perform, 2), begun):
+    for progress in work(folder, workers_of(folder, Crew(2), perform), begun):
         assert progress.failure is None
     assert not all(map(folder.is_done, folder.study.tasks))
     monkeypatch.setenv(PAUSE, "0")

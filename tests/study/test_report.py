@@ -11,7 +11,6 @@ from drlsl.learning import RunFolder
 from drlsl.study import StudyFolder, write_report
 from drlsl.study.claims import Claim, agreement, claims
 from drlsl.study.document import Block, Paragraph, markdown, page
-from drlsl.study.folder import Failure
 from drlsl.study.plan import Run, Task
 from drlsl.study.result_tables import (
     Table,
@@ -24,6 +23,7 @@ from drlsl.study.result_tables import (
     training,
 )
 from drlsl.study.results import Results, collect
+from drlsl.workers import Failure
 
 from .fake import INPUTS, perform, study
 

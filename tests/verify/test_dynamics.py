@@ -13,6 +13,7 @@ from drlsl.verify import Case, Request, Result, verify
 from drlsl.verify.confirmation import Replay
 from drlsl.verify.properties import load
 from drlsl.verify.ranges import all_cases
+from drlsl.workers import Crew
 
 RULES = default_rules()[0].parent
 DYNAMICS = RULES / "dynamics.pl"
@@ -231,6 +232,6 @@ def test_errors_in_the_room_behind_are_found(tmp_path: Path, old: str, new: str,
 
 @pytest.mark.slow
 def test_everything_is_proved_on_every_road() -> None:
-    found = results(properties=(DYNAMICS,), vehicles=6, jobs=2, cases=tuple(all_cases()))
+    found = results(properties=(DYNAMICS,), vehicles=6, crew=Crew(2), cases=tuple(all_cases()))
     assert statuses(found) == dict.fromkeys(found, "proved")
     assert all(result.for_any_number for result in found.values())

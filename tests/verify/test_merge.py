@@ -9,6 +9,7 @@ import pytest
 
 from drlsl.driving.shield import default_rules
 from drlsl.verify import Case, Request, verify
+from drlsl.workers import Crew
 
 RULES = default_rules()[0].parent
 MERGE, PROPERTIES = RULES / "merge.pl", RULES / "merge.properties.pl"
@@ -82,5 +83,5 @@ def test_slips_are_found(tmp_path: Path, slip: str) -> None:
 
 @pytest.mark.slow
 def test_everything_else_is_proved_on_every_road() -> None:
-    results = verify(Request((MERGE,), (PROPERTIES,), vehicles=2, jobs=2)).results
+    results = verify(Request((MERGE,), (PROPERTIES,), vehicles=2, crew=Crew(2))).results
     assert {result.name for result in results if result.status != "proved"} == NOT_MEANT

@@ -9,6 +9,7 @@ import pytest
 
 from drlsl.driving.shield import default_rules
 from drlsl.verify import Case, Request, verify
+from drlsl.workers import Crew
 
 RULES = default_rules()[0].parent
 LEFT, PROPERTIES = RULES / "overtake_left.pl", RULES / "overtake_left.properties.pl"
@@ -81,7 +82,7 @@ def test_all_but_the_symmetries_are_known_for_any_number_of_vehicles() -> None:
 
 @pytest.mark.slow
 def test_everything_else_is_proved_on_every_road() -> None:
-    results = verify(Request((LEFT,), (PROPERTIES,), vehicles=6, jobs=2)).results
+    results = verify(Request((LEFT,), (PROPERTIES,), vehicles=6, crew=Crew(2))).results
     assert {result.name for result in results if result.status != "proved"} == NOT_MEANT
     open_ended = {result.name for result in results if result.for_any_number}
     assert open_ended >= {result.name for result in results if result.status == "proved"} - SYMMETRIES.keys()

@@ -15,6 +15,7 @@ from drlsl.verify import Case, Request, Result, verify, write_counterexample
 from drlsl.verify.confirmation import Replay
 from drlsl.verify.properties import load
 from drlsl.verify.ranges import all_cases
+from drlsl.workers import Crew
 
 RULES = default_rules()[0].parent
 TWO_LANES = Case(0, 2, 1, 1)
@@ -211,8 +212,19 @@ def test_all_cases_are_roads_with_the_ego_on_them() -> None:
         assert abs(case.ego_lane - case.target_lane) <= 1
 
 
+def test_the_result_is_the_same_for_any_number_of_processes() -> None:
+    cases = tuple(case for case in all_cases() if (case.leftward, case.rightward) == (0, 2))
+    found = [
+        results(rules=(RULES / "paper.pl",), only=("nothing_hidden",), cases=cases, crew=Crew(jobs))
+        for jobs in (1, 2, 3)
+    ]
+    assert found[0]["nothing_hidden"].status == "refuted"
+    told = [{**one["nothing_hidden"].as_json(), "seconds": 0} for one in found]
+    assert told[0] == told[1] == told[2]
+
+
 @pytest.mark.slow
 def test_several_processes_prove_everything_for_six_vehicles() -> None:
-    report = verify(Request(vehicles=6, jobs=2))
+    report = verify(Request(vehicles=6, crew=Crew(2)))
     assert [result.name for result in report.results if result.status != "proved"] == []
     assert all(result.for_any_number for result in report.results)

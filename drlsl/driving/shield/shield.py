@@ -20,7 +20,7 @@ from drlsl.driving.shield.questions import QUESTIONS
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits
 from drlsl.lowering.ir import Undecided
-from drlsl.shield import consult_rules
+from drlsl.shield import consult_rules, program_files
 
 if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch
@@ -120,8 +120,7 @@ class Shield:
     def files(self) -> list[Path]:
         """Return the rule files that the program's clauses come from, in the order of their names."""
         self.prepare()
-        clauses = (clause for key in self.engine.predicates() for clause in self.engine.clauses(*key))
-        return sorted({Path(clause.span.name) for clause in clauses if clause.span is not None})
+        return program_files(self.engine)
 
     @property
     def observation(self) -> ObservationSpace:

@@ -1,4 +1,4 @@
-"""Perform tasks in processes on this machine."""
+"""Tasks in processes of this machine."""
 
 import contextlib
 import multiprocessing
@@ -6,17 +6,19 @@ import os
 import signal
 import sys
 import threading
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from types import FrameType
-from typing import Final
+from typing import Any, Final, TypeAlias
 
-from drlsl.study.folder import Failure, StudyFolder
-from drlsl.study.plan import Task
-from drlsl.study.tasks import Perform
-from drlsl.study.workers import Outcome
+from drlsl.workers.outcome import Failure, Make, Outcome, attempt, portable
+
+LogOf: TypeAlias = Callable[[Any], Path]
+"""Gives the file for the output of a task's process."""
 
 PATIENCE_S: Final = 30.0
 """Time limit for processes to save their work once they are asked to stop."""
@@ -33,24 +35,27 @@ class _Worker:
 
     process: SpawnProcess
     connection: Connection
-    task: Task | None = None
+    task: Any = None
 
 
 class LocalWorkers:
-    """Up to `count` processes, each with one PyTorch thread.
+    """Up to `count` processes of this machine.
 
-    They are spawned, so they inherit nothing; each performs many tasks, because loading PyTorch takes longer
-    than a short test. A process that fails in any way ends, and leaves its last output in the log.
+    They are spawned, so they inherit nothing; each performs many tasks, because it may have much to load
+    first. A process that fails in any way ends. With `log`, a function that gives the file for the output of
+    a task, that keeps what was said; else the output is this process's. `saves`: when they are stopped, tasks
+    in progress are asked to, and have `PATIENCE_S` to save what they did; else they are ended at once.
     """
 
-    def __init__(self, folder: StudyFolder, perform: Perform, count: int) -> None:
-        self._folder = folder
-        self._perform = perform
+    def __init__(self, make: Make, count: int, *, log: LogOf | None = None, saves: bool = False) -> None:
+        self._make = make
         self._count = count
+        self._log = log
+        self._saves = saves
         self._workers: list[_Worker] = []
 
     @property
-    def busy(self) -> list[Task]:
+    def busy(self) -> list[Any]:
         """The tasks in progress."""
         return [worker.task for worker in self._workers if worker.task is not None]
 
@@ -59,7 +64,7 @@ class LocalWorkers:
         """The number of tasks that can be started now."""
         return self._count - len(self.busy)
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Any) -> None:
         """Begin a task."""
         idle = [worker for worker in self._workers if worker.task is None and worker.process.is_alive()]
         worker = idle[0] if idle else self._spawn()
@@ -68,18 +73,14 @@ class LocalWorkers:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             worker.connection.send(task)
 
-    def wait(self, timeout_s: float) -> list[Outcome]:
+    def wait(self, timeout_s: float) -> list[Outcome[Any, Any]]:
         """Return the tasks that ended; none if the time is up before."""
         at_work = [worker for worker in self._workers if worker.task is not None]
         ready = wait([worker.connection for worker in at_work], timeout_s)
-        return [
-            self._outcome(worker, worker.task)
-            for worker in at_work
-            if worker.task and worker.connection in ready
-        ]
+        return [self._outcome(worker) for worker in at_work if worker.connection in ready]
 
     def stop(self) -> None:
-        """Tell all processes to save their work and end; kill those that take too long."""
+        """Tell all processes to save their work and end; kill those that do not, or take too long."""
         for worker in self._workers:
             worker.process.terminate()
         for worker in self._workers:
@@ -87,6 +88,7 @@ class LocalWorkers:
             if worker.process.is_alive():
                 worker.process.kill()
                 worker.process.join()
+            worker.connection.close()
         self._workers.clear()
 
     def close(self) -> None:
@@ -99,39 +101,46 @@ class LocalWorkers:
 
     def _spawn(self) -> _Worker:
         ours, theirs = _context.Pipe()
-        process = _context.Process(target=_serve, args=(theirs, self._folder.root, self._perform))
+        process = _context.Process(target=_serve, args=(theirs, self._make, self._log, self._saves))
         process.start()
         theirs.close()
         worker = _Worker(process, ours)
         self._workers.append(worker)
         return worker
 
-    def _outcome(self, worker: _Worker, task: Task) -> Outcome:
+    def _outcome(self, worker: _Worker) -> Outcome[Any, Any]:
+        task, worker.task = worker.task, None
         try:
-            worker.connection.recv()
+            outcome: Outcome[Any, Any] = worker.connection.recv()
         except (EOFError, ConnectionResetError):
             worker.process.join()
-            self._workers.remove(worker)
-            return Outcome(task, _failure(worker.process.exitcode, self._folder.log(task)))
-        worker.task = None
-        return Outcome(task, None)
+            outcome = Outcome(task, None, _failure(worker.process.exitcode, self._said(task)))
+        if outcome.failure is None:
+            return outcome
+        worker.process.join()
+        worker.connection.close()
+        self._workers.remove(worker)
+        said = self._said(task)
+        return outcome if not said else replace(outcome, failure=replace(outcome.failure, log=said[-TAIL:]))
+
+    def _said(self, task: Any) -> str:
+        """Return what a task's process put out, if that is kept."""
+        log = None if self._log is None else self._log(task)
+        return log.read_text("utf-8", errors="replace") if log is not None and log.is_file() else ""
 
 
-def _failure(status: int | None, log: Path) -> Failure:
+def _failure(status: int | None, said: str) -> Failure:
     """Describe how a process ended: by its last line, or by the signal that ended it."""
-    text = log.read_text("utf-8", errors="replace") if log.is_file() else ""
-    lines = [line for line in text.splitlines() if line.strip()]
+    lines = [line for line in said.splitlines() if line.strip()]
     if status is not None and status < 0:
-        summary = f"the process was ended by {signal.Signals(-status).name}"
-    elif lines:
-        summary = lines[-1].removeprefix("drlsl.errors.UserError: ")
-    else:
-        summary = f"the process ended with status {status}"
-    return Failure(summary, text[-TAIL:])
+        return Failure(f"the process was ended by {signal.Signals(-status).name}", said[-TAIL:])
+    if lines:
+        return Failure(lines[-1], said[-TAIL:])
+    return Failure(f"the process ended with status {status}", said[-TAIL:])
 
 
-def _serve(connection: Connection, root: Path, perform: Perform) -> None:
-    """Perform tasks as they arrive, until there are no more; an exception ends the process."""
+def _serve(connection: Connection, make: Make, log: LogOf | None, saves: bool) -> None:
+    """Perform tasks as they arrive, until there are no more; one that fails ends the process."""
     stopped = threading.Event()
 
     def note(number: int, frame: FrameType | None) -> None:
@@ -139,20 +148,26 @@ def _serve(connection: Connection, root: Path, perform: Perform) -> None:
 
     # Ctrl-C reaches every process of a terminal; the parent process is the one to pass it on.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, note)
+    signal.signal(signal.SIGTERM, note if saves else signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    folder = StudyFolder.open(root)
+    made = lru_cache(make)
     while not stopped.is_set():
         try:
             # Waits in short turns, for a signal does not interrupt a wait.
             if not connection.poll(0.2):
                 continue
-            task: Task = connection.recv()
+            task = connection.recv()
         except EOFError:
             return
-        _speak_into(folder.log(task))
-        perform(root, task, stopped.is_set)
-        connection.send(task.name)
+        if log is not None:
+            _speak_into(log(task))
+        outcome = attempt(made, task, stopped.is_set)
+        if outcome.failure is not None and log is not None:
+            sys.stderr.write(outcome.failure.log)
+            sys.stderr.flush()
+        connection.send(portable(outcome))
+        if outcome.failure is not None:
+            return
 
 
 def _end_with_parent() -> None:

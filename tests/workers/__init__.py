@@ -1,0 +1,1 @@
+"""Tests of tasks performed side by side."""
