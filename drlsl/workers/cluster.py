@@ -1,15 +1,19 @@
 """Tasks on a Ray cluster."""
 
+import contextlib
+import io
 import logging
 import os
 import pickle
 import platform
 import signal
 import socket
+import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import ray
 import ray.exceptions
@@ -21,6 +25,9 @@ from drlsl.workers.outcome import Failure, Function, Make, Outcome, attempt, por
 
 ANSWER_S: Final = 10.0
 """Time limit for a cluster to answer."""
+
+LISTENER: Final = "ray_listen_error_messages"
+"""The thread of Ray that prints, with `log_to_driver` or without."""
 
 
 class RayWorkers:
@@ -42,8 +49,10 @@ class RayWorkers:
         try:
             ray.init(address=address, log_to_driver=False, logging_level=logging.WARNING)
         except (ConnectionError, ValueError, RuntimeError) as error:
-            raise UserError(f"--ray {address}: no Ray cluster there ({error})") from error
+            raise UserError(f"--ray {address}: {_why_not(error)}") from error
         signal.signal(signal.SIGTERM, on_terminate)
+        self._stdout = sys.stdout
+        sys.stdout = _WithoutRay(self._stdout)
         self._order = _Order(
             __version__, os.getcwd(), {str(path): digest([path]) for path in files}, pickle.dumps(make)
         )
@@ -80,7 +89,27 @@ class RayWorkers:
 
     def close(self) -> None:
         """Leave the cluster."""
-        ray.shutdown()
+        # Ray prints what it has held back.
+        with contextlib.redirect_stdout(io.StringIO()):
+            ray.shutdown()
+        sys.stdout = self._stdout
+
+
+class _WithoutRay:
+    """A stream without what Ray prints of lost workers, which would be in the middle of a command's JSON."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text, unless it is Ray's."""
+        if threading.current_thread().name == LISTENER:
+            return len(text)
+        return self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the stream itself has."""
+        return getattr(self._stream, name)
 
 
 def _knock(address: str) -> None:
@@ -98,6 +127,16 @@ def _knock(address: str) -> None:
         socket.create_connection((host, int(port)), timeout=ANSWER_S).close()
     except (OSError, OverflowError) as error:
         raise UserError(f"--ray {address}: no Ray cluster there ({error})") from error
+
+
+def _why_not(error: BaseException) -> str:
+    """Return why a cluster was not joined."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if type(cause).__name__ == "AuthenticationError":  # of Ray since 2.49
+            return "the Ray cluster there asks for a token; set RAY_AUTH_MODE=token, or start it without"
+        cause = cause.__cause__
+    return f"no Ray cluster there ({error})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -165,10 +166,11 @@ def _performed(
                     raise outcome.error
                 else:
                     lost[number] += 1
-                    again.append(outcome.task)
+                    why = outcome.failure.summary
                     if lost[number] == ATTEMPTS:
-                        told = f"{outcome.failure.summary}; is there enough memory?"
-                        raise UserError(f"a task was lost {ATTEMPTS} times: {told}")
+                        raise UserError(f"a task was lost {ATTEMPTS} times: {why}; is there enough memory?")
+                    again.append(outcome.task)
+                    warnings.warn(f"a task was lost, and is done again: {why}", stacklevel=2)
     finally:
         # Also when the caller ends the iteration, or an error does.
         workers.stop()

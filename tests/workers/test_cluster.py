@@ -17,7 +17,7 @@ from .chores import performed, squaring, tell
 
 ray = pytest.importorskip("ray", reason="the extra ray is not installed")
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:a task was lost")]
 
 
 @pytest.fixture
@@ -35,7 +35,9 @@ def squares(root: Path, cluster: Any, count: int, **options: Any) -> list[int]:
     return list(in_order(crew.perform(partial(squaring, root), range(count), **options)))
 
 
-def test_the_tasks_of_lost_processes_and_nodes_are_done_again(cluster: Any, tmp_path: Path) -> None:
+def test_the_tasks_of_lost_processes_and_nodes_are_done_again(
+    cluster: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     tell(tmp_path, "killed", 1)
     tell(tmp_path, "killed", 4, times=2)
     assert squares(tmp_path, cluster, 6) == [0, 1, 4, 9, 16, 25]
@@ -47,6 +49,7 @@ def test_the_tasks_of_lost_processes_and_nodes_are_done_again(cluster: Any, tmp_
         if len(found) == 3:
             cluster.remove_node(extra, allow_graceful=False)
     assert found == [number * number for number in range(40)]
+    assert capsys.readouterr().out == ""
 
 
 def test_what_a_task_raises_ends_the_work(cluster: Any, tmp_path: Path) -> None:
