@@ -151,9 +151,9 @@ def test_distances_are_0_exactly_where_the_array_tier_says_so(place: int) -> Non
         facts = array_facts(layout, scenes, program.code)
         result = program({key: rows for key, rows in facts.items() if key in program.reads} or facts)
         decided = ~result.undecided
-        close = Closeness(facts, len(scenes), program.code)
         for wanted in (True, False):
-            holds = close.distance(answer.found, wanted=wanted) == 0
+            close = Closeness([[answer.found]], program.code, wanted=wanted)
+            (holds,) = close.distances(facts, len(scenes)) == 0
             assert (holds == (result.answers[0].value == wanted))[decided].all(), name
         hits += int(result.answers[0].value.sum())
     assert hits == 0 or book.engine.defines("front_is_free", 0)

@@ -21,7 +21,7 @@ from drlsl.driving.scene import EGO
 from drlsl.logic.core import Clause, conjuncts, read_body
 from drlsl.logic.terms import Atom, Struct, Term, deref
 from drlsl.lowering.backends import ArrayProgram, Rows, compile_numpy
-from drlsl.lowering.frontend import Query, deep_recursion, lower
+from drlsl.lowering.frontend import Lowered, Query, deep_recursion, lower
 from drlsl.lowering.ir import Node, NotLowerable, Pool, reach
 from drlsl.traffic import Floats, Mask
 from drlsl.verify.attack.closeness import Closeness
@@ -141,9 +141,7 @@ class _Target:
     """A property as a program over arrays, and its layout of scenes."""
 
     def __init__(self, book: Book, prop: Property, orders: Orders) -> None:
-        near = _near(book, prop)
-        queries = [prop.query, *([near] if near is not None else [])]
-        lowered = lower(book.engine, book.facts, queries)
+        lowered = _lowered(book, prop)
         self.answer = lowered.answers[0]
         self.program: ArrayProgram = compile_numpy(lowered)
         roots = [self.answer.found, self.answer.undecided]
@@ -161,16 +159,17 @@ class _Target:
         )
         self.relevant = relevant_columns(self.layout, self.program)
         self.parts = _parts(lowered.pool, roots)
+        self.far = Closeness(self.parts, self.program.code)
 
     def facts(self, drawn: Drawn) -> dict[tuple[str, int], Rows]:
         """Return the facts of scenes as arrays."""
         return array_facts(self.layout, drawn, self.program.code)
 
 
-def _near(book: Book, prop: Property) -> Query | None:
-    """Return the query whether a scene reaches the last goal of a clause of violates/1, if there is one.
+def _lowered(book: Book, prop: Property) -> Lowered:
+    """Return the lowered property and, if that can be lowered, whether a scene comes near to breaking it.
 
-    In a clause with one goal, every scene reaches it.
+    It does if it reaches the last goal of a clause of violates/1; every scene reaches the only goal of one.
     """
     bodies: list[Term] = []
     for clause in book.engine.clauses("violates", 1):
@@ -178,14 +177,13 @@ def _near(book: Book, prop: Property) -> Query | None:
         if isinstance(name, Atom) and name.name == prop.name:
             *goals, _ = [goal.term for goal in conjuncts(read_body(clause.body))]
             bodies.append(_conjunction(goals))
-    query = Query(f"near {prop.name}", 0, "holds")
-    head = Atom(query.name)
-    book.engine.define(query.name, 0, [Clause(head, body) for body in bodies])
+    near = Query(f"near {prop.name}", 0, "holds")
+    head = Atom(near.name)
+    book.engine.define(near.name, 0, [Clause(head, body) for body in bodies])
     try:
-        lower(book.engine, book.facts, [query])
+        return lower(book.engine, book.facts, [prop.query, near])
     except NotLowerable:
-        return None
-    return query
+        return lower(book.engine, book.facts, [prop.query])
 
 
 def _conjunction(goals: Sequence[Term]) -> Term:
@@ -284,8 +282,7 @@ class _Attacker:
 
     def _distances(self, facts: Mapping[tuple[str, int], Rows], count: int) -> Floats:
         """Return the distances of scenes from each way to break the property, shape (ways, N)."""
-        close = Closeness(facts, count, self._target.program.code)
-        far = np.array([sum(close.distance(node) for node in part) for part in self._target.parts])
+        far = self._target.far.distances(facts, count)
         self._result.close += int((far.min(axis=0) < _CLOSE).sum())
         return far
 
@@ -324,8 +321,8 @@ class _Attacker:
         places = broken.nonzero()[0]
         if not len(places) or self._hits >= _MOST_HITS:
             return
-        close = Closeness(facts, len(broken), self._target.program.code)
-        clear = close.distance(self._target.answer.found, wanted=False)[places]
+        clearness = Closeness([[self._target.answer.found]], self._target.program.code, wanted=False)
+        clear = clearness.distances(facts, len(broken))[0, places]
         ranked = places[np.argsort(-clear, kind="stable")]
         for place in dict.fromkeys([*ranked[: _HITS_OF_A_BATCH - 1], ranked[-1]]):
             if not self._is_refuted:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, TypeAlias
@@ -82,7 +83,6 @@ class Solver:
         self._by_luck = not linear and not few
         self._products: dict[Monomial, Any] = {}
         self._algebra = scene.algebra
-        self._context = z3.Context()
         self._rationals: dict[Rational, Any] = {}
         self._numbers: dict[int, Any] = {}
         self._flags: dict[str, Any] = {}
@@ -179,6 +179,11 @@ class Solver:
         return self._outcome(solver)
 
     # ---------------------------------------------------------------- asking
+
+    @cached_property
+    def _context(self) -> Any:
+        """The context of all terms, made when the first question has to be asked."""
+        return z3.Context()
 
     def _solver(self, seconds: float, seed: int = 0) -> Any:
         if self._few:
