@@ -80,7 +80,7 @@ def steady_traffic() -> Recording:
         lanes=lanes,
         x_min=0.0,
         x_max=_LENGTH,
-        frames=pack(tracks, lanes_of_rows(tracks.y, lanes), name="steady"),
+        film=pack(tracks, lanes_of_rows(tracks.y, lanes), name="steady"),
         vehicle_class={int(one): VehicleClass.CAR for one in np.unique(tracks.vehicle)},
     )
     made.validate()

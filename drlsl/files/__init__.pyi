@@ -1,4 +1,4 @@
-from .caches import cache_folder
+from .caches import cache_folder, make_room
 from .lock import FolderLock
 from .plain_text import parse_json, printable, read_text, to_json
 from .problems import problem_text
@@ -25,6 +25,7 @@ __all__ = [
     "check_text",
     "digest",
     "find_object",
+    "make_room",
     "open_archive",
     "open_values",
     "parse_json",

@@ -5,7 +5,8 @@ from .formats import FORMATS, write_parquet
 from .generate import simulate
 from .highd_writer import check_folder, write_highd
 from .load import load_recording, load_recordings, load_source
-from .recording import OFF_LANE, Recording, VehicleClass
+from .packed_frames import FIRST, LANE, LENGTH, OFF_LANE, UNIT, Film
+from .recording import Recording, VehicleClass
 from .report import RecordingReport, Spread, recording_report
 from .road import Direction, Lane, MergingLane, Traffic
 from .road_network import RAMP_LIMIT
@@ -17,13 +18,18 @@ from .words import counted
 
 __all__ = [
     "BUNDLED",
+    "FIRST",
     "FORMATS",
+    "LANE",
+    "LENGTH",
     "NUMBERS",
     "OFF_LANE",
     "PRESETS",
     "RAMP_LIMIT",
+    "UNIT",
     "Boxes",
     "Direction",
+    "Film",
     "Floats",
     "Integers",
     "Lane",

@@ -11,7 +11,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.plausible import Place, check_contradictions, check_lanes, odd_notes
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.road import Lane, MergingLane, Traffic
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack
+from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, rounded
 from drlsl.traffic.words import counted, listed
 
 
@@ -48,6 +48,7 @@ def assemble(
     unknown = [str(vehicle) for vehicle in seen if vehicle not in vehicle_class]
     if unknown:
         raise UserError(f"{place.path}: no class for vehicle {listed(unknown)}")
+    tracks = rounded(tracks)
     lane = lanes_of_rows(tracks.y, road.lanes)
     check_lanes(place.path, tracks, lane, road.lanes)
     recording = Recording(
@@ -56,7 +57,7 @@ def assemble(
         lanes=road.lanes,
         x_min=float((tracks.x - tracks.length / 2).min()),
         x_max=float((tracks.x + tracks.length / 2).max()),
-        frames=pack(tracks, lane, name=name),
+        film=pack(tracks, lane, name=name),
         vehicle_class={vehicle: vehicle_class[vehicle] for vehicle in seen},
         dropped=dropped,
         notes=(*notes, *_off_road(tracks, lane, road), *odd_notes(place, tracks, frame_rate)),

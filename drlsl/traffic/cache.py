@@ -1,4 +1,4 @@
-"""Keep loaded recordings as arrays, so that the next load is quick."""
+"""Keep loaded recordings in files that are mapped into memory: quick to load, and shared by processes."""
 
 from __future__ import annotations
 
@@ -7,26 +7,38 @@ import json
 import os
 import re
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 import numpy as np
+import numpy.typing as npt
 
-from drlsl.files import cache_folder, written_whole
-from drlsl.traffic.recording import EMPTY_SLOT, Frames, Recording
+from drlsl.files import cache_folder, make_room, written_whole
+from drlsl.traffic.packed_frames import Film
+from drlsl.traffic.recording import Recording
 from drlsl.traffic.recording_facts import facts_of, recording_from
 from drlsl.traffic.source import Source
 
-LOADER_VERSION = 5
+LOADER_VERSION = 6
 """Version of the cache: raise it whenever a loader reads the same files differently or the layout changes."""
 
 SAMPLE = 1 << 16
 """Bytes at either end of a file that go into its fingerprint, besides its size and time of change."""
 
+FOLDER = "recordings"
+"""Folder of these files in the cache folder."""
+
 SUM = 8
 """Bytes of the checksum, which comes first."""
 
-PIECE = 1 << 24
+HEAD = 64
+"""Bytes before the first array; the facts are filled up to a multiple, so that numbers lie where they may."""
+
+ARRAYS = ("motion", "piece", "pieces")
+"""The arrays of a film, in the order of the file."""
+
+CHUNK = 1 << 24
 """Bytes that are added up at once."""
 
 BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
@@ -36,23 +48,26 @@ BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
 def read_cached(source: Source) -> Recording | None:
     """Return the recording's cached copy; None if there is none or the files have changed since.
 
+    Its film is the file itself, mapped into memory. It is checked here, whole, and may be replaced or deleted
+    meanwhile: who has mapped a file keeps it.
+
     Warns: if the copy is damaged; it then counts as absent.
     """
     path = _cache_file(source)
     try:
         with open(path, "rb") as file:
-            known = file.read(SUM)
-            if known.startswith(np.lib.format.MAGIC_PREFIX):
-                return None  # from a version that kept its checksum elsewhere
+            known = file.read(HEAD)[:SUM]
             # Check before use: the layout of the arrays is read from the same file.
             if known != _checksum(file):
                 raise ValueError("the checksum is wrong")
-            file.seek(SUM)
-            facts = json.loads(str(np.load(file, allow_pickle=False)))
+            file.seek(HEAD)
+            facts = json.loads(np.load(file, allow_pickle=False).tobytes())
             if facts["fingerprint"] != _fingerprint(source):
                 return None
-            arrays = {name: np.load(file, allow_pickle=False) for name in EMPTY_SLOT}
-            return recording_from(facts, Frames(**arrays))
+            film = Film(*(_mapped(file) for _ in ARRAYS))
+        with suppress(OSError):
+            os.utime(path)  # the time of its last use, by which `make_room` chooses
+        return recording_from(facts, film)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except BROKEN as error:
@@ -61,20 +76,22 @@ def read_cached(source: Source) -> Recording | None:
 
 
 def write_cached(source: Source, recording: Recording) -> None:
-    """Keep a copy for read_cached, whole or not at all: checksum, facts as JSON, each array of Frames.
+    """Keep a copy for read_cached, whole or not at all: checksum, facts as JSON, each array of the film.
 
     Warns: if the cache folder cannot be written; nothing else depends on it.
     """
-    facts = {"fingerprint": _fingerprint(source), **facts_of(recording)}
-    arrays = [np.array(json.dumps(facts)), *(getattr(recording.frames, name) for name in EMPTY_SLOT)]
+    facts = json.dumps({"fingerprint": _fingerprint(source), **facts_of(recording)}).encode()
+    facts += b" " * (-len(facts) % HEAD)
     path = _cache_file(source)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        make_room()
         with written_whole(path) as file:
-            file.write(bytes(SUM))
-            for array in arrays:
-                np.save(file, array)
-            file.seek(SUM)
+            file.write(bytes(HEAD))
+            np.save(file, np.frombuffer(facts, dtype=np.uint8))
+            for name in ARRAYS:
+                np.save(file, getattr(recording.film, name))
+            file.seek(HEAD)
             checksum = _checksum(file)
             file.seek(0)
             file.write(checksum)
@@ -82,10 +99,23 @@ def write_cached(source: Source, recording: Recording) -> None:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
 
 
+def _mapped(file: IO[bytes]) -> npt.NDArray[np.int32]:
+    """Return the array that begins where the file stands, mapped into memory, and move on behind it."""
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise ValueError("an array of another version")
+    shape, _, kind = np.lib.format.read_array_header_1_0(file)
+    begin = file.tell()
+    if begin % kind.itemsize:
+        raise ValueError("an array does not begin at a number")
+    array = np.memmap(file, kind, "r", begin, shape)
+    file.seek(begin + array.nbytes)
+    return np.asarray(array)
+
+
 def _checksum(file: IO[bytes]) -> bytes:
     """Return the sum of all following words of 64 bits; CRC-32 would take longer than loading."""
     total = 0
-    while piece := file.read(PIECE):
+    while piece := file.read(CHUNK):
         words = np.frombuffer(piece.ljust(-(-len(piece) // SUM) * SUM, b"\0"), dtype="<u8")
         total += int(np.add.reduce(words))
     return (total % 2**64).to_bytes(SUM, "little")
@@ -95,7 +125,7 @@ def _cache_file(source: Source) -> Path:
     """Return the one file of a source, wherever it is, so that a changed source replaces its old copy."""
     where = "\n".join([source.name, source.part or "", *(str(path.resolve()) for path in source.files)])
     readable = re.sub(r"[^\w.-]+", "-", source.name)[:60]
-    return cache_folder() / f"{readable}-{hashlib.sha256(where.encode()).hexdigest()[:16]}.npy"
+    return cache_folder() / FOLDER / f"{readable}-{hashlib.sha256(where.encode()).hexdigest()[:16]}.film"
 
 
 def _fingerprint(source: Source) -> str:

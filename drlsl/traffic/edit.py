@@ -15,7 +15,7 @@ from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import NUMBERS, Floats
 from drlsl.traffic.recording import Recording
 from drlsl.traffic.slopes import slopes
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, segment_starts
+from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, rounded, segment_starts
 from drlsl.traffic.words import counted
 
 ANOTHER: Final = 5.0
@@ -40,13 +40,13 @@ def with_rows(recording: Recording, tracks: Tracks, note: str, frame_rate: float
     """
     if not len(tracks):
         raise UserError(f"{recording.name}: nothing is left: {note}")
-    tracks = replace(tracks, frame=tracks.frame - tracks.frame.min())
+    tracks = rounded(replace(tracks, frame=tracks.frame - tracks.frame.min()))
     changed = replace(
         recording,
         frame_rate=frame_rate or recording.frame_rate,
         x_min=min(float((tracks.x - tracks.length / 2).min()), float(tracks.x.min())),
         x_max=max(float((tracks.x + tracks.length / 2).max()), float(tracks.x.max())),
-        frames=pack(tracks, lanes_of_rows(tracks.y, recording.lanes), name=recording.name),
+        film=pack(tracks, lanes_of_rows(tracks.y, recording.lanes), name=recording.name),
         vehicle_class={one: recording.vehicle_class[one] for one in np.unique(tracks.vehicle).tolist()},
         notes=(*recording.notes, note),
     )

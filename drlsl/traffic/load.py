@@ -41,9 +41,12 @@ def load_source(source: Source, *, cache: bool = True) -> Recording:
     Raises:
         UserError: it is faulty; the message names file, line and column.
     """
-    recording = read_cached(source) if cache else None
+    if not cache:
+        return read(source)
+    recording = read_cached(source)
     if recording is None:
         recording = read(source)
-        if cache:
-            write_cached(source, recording)
+        write_cached(source, recording)
+        # Held in the file that all processes share, if there is one now.
+        recording = read_cached(source) or recording
     return recording

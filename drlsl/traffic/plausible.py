@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Mask
-from drlsl.traffic.recording import OFF_LANE, Dropped
+from drlsl.traffic.packed_frames import OFF_LANE
+from drlsl.traffic.recording import Dropped
 from drlsl.traffic.road import Lane
 from drlsl.traffic.tracks import Tracks, segment_starts
 from drlsl.traffic.words import counted

@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import Enum
 from itertools import pairwise
-from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.array_kinds import NUMBERS, Boxes, Ids, LaneIds, Mask
+from drlsl.traffic.array_kinds import Ids
+from drlsl.traffic.packed_frames import (
+    FIRST,
+    LANE,
+    LENGTH,
+    NO_VEHICLE,
+    NOBODY,
+    OFF_LANE,
+    UNIT,
+    VEHICLE,
+    Film,
+    Frames,
+)
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
-
-NO_VEHICLE = -1
-"""`Frames.vehicle` and `Frames.first` of an empty slot."""
-
-OFF_LANE = 0
-"""`Frames.lane` of a vehicle whose centre is in none of the recording's lanes: ramp, shoulder, median."""
 
 ROUNDED = 0.02
 """Slack [m] between a merging lane and its neighbour: both are written with two decimals."""
-
-EMPTY_SLOT: Mapping[str, float] = MappingProxyType(
-    {
-        "vehicle": NO_VEHICLE,
-        "lane": OFF_LANE,
-        **dict.fromkeys(NUMBERS, math.nan),
-        "first": NO_VEHICLE,
-        "valid": False,
-    }
-)
-"""Value of each array of Frames in an empty slot."""
 
 
 class VehicleClass(Enum):
@@ -54,44 +46,15 @@ class Dropped:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frames(Boxes):
-    """Vehicles per frame, padded to one rectangle; read-only arrays of shape (F, K), or (n,) for one frame.
-
-    A vehicle keeps its slot (column) for as long as it is seen without a gap, so `x[t, k] - x[t - 1, k]` is a
-    step of one vehicle wherever `first[t, k] < t`. Empty slots hold EMPTY_SLOT, NaN in the floats, so that a
-    forgotten mask is noticed.
-    """
-
-    vehicle: Ids
-    """Vehicle id, >= 0; NO_VEHICLE in an empty slot."""
-    lane: LaneIds
-    """Id of the lane whose strip holds the vehicle's centre; OFF_LANE where none does."""
-    first: Ids
-    """Index of the frame in which this unbroken stretch of the vehicle's track began."""
-    valid: Mask
-    """True if the slot holds a vehicle."""
-
-    def __post_init__(self) -> None:
-        for name, array in self.arrays():
-            view = array.view()
-            view.setflags(write=False)
-            object.__setattr__(self, name, view)
-
-    def arrays(self) -> Iterator[tuple[str, npt.NDArray[np.generic]]]:
-        """Yield every array with its field name."""
-        for item in fields(self):
-            yield item.name, getattr(self, item.name)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Recording:
     """Traffic on one straight stretch of road at a fixed frame rate.
 
     Coordinates: x along the road to the right, y across it and downward; boxes are axis-aligned and given by
-    their centre. Frame i is at i / frame_rate seconds. `[x_min, x_max]` [m] is the recorded stretch, `lanes`
-    are sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped` lists the rows of the
-    source that are missing, and `notes` all estimates and corrections, in sentences for people. `traffic` is
-    what the vehicles should do about an ego, if its driver has no other wish.
+    their centre. Frame i is at i / frame_rate seconds. `film` holds the frames, as they are stored and driven
+    in; `frames` has them as numbers in SI units, made when it is first asked for. `[x_min, x_max]` [m] is the
+    recorded stretch, `lanes` are sorted by id. `vehicle_class` maps every vehicle id to its class; `dropped`
+    lists the rows of the source that are missing, and `notes` all estimates and corrections, in sentences for
+    people. `traffic` is what the vehicles should do about an ego, if its driver has no other wish.
     """
 
     name: str
@@ -99,7 +62,7 @@ class Recording:
     lanes: tuple[Lane, ...]
     x_min: float
     x_max: float
-    frames: Frames
+    film: Film
     vehicle_class: Mapping[int, VehicleClass]
     dropped: tuple[Dropped, ...] = ()
     notes: tuple[str, ...] = field(default=())
@@ -107,14 +70,19 @@ class Recording:
     traffic: Traffic = Traffic.RECORDED
 
     @property
+    def frames(self) -> Frames:
+        """Every vehicle's box and velocity in every frame, arrays of shape (F, K)."""
+        return self.film.frames
+
+    @property
     def frame_count(self) -> int:
         """Number of frames, F."""
-        return int(self.frames.vehicle.shape[0])
+        return len(self.film)
 
     @property
     def capacity(self) -> int:
         """Number of slots, K: the most vehicles in one frame."""
-        return int(self.frames.vehicle.shape[1])
+        return self.film.slots - 1
 
     @property
     def dt(self) -> float:
@@ -154,8 +122,7 @@ class Recording:
         """
         if not 0 <= index < self.frame_count:
             raise IndexError(f"frame {index} of {self.name}, which has frames 0 to {self.frame_count - 1}")
-        present = self.frames.valid[index]
-        return Frames(*(array[index][present] for _, array in self.frames.arrays()))
+        return self.film.frame(index)
 
     def validate(self) -> None:
         """Check every invariant documented above.
@@ -175,12 +142,8 @@ def _problems(recording: Recording) -> Iterator[str]:
         yield f"the stretch of road [{recording.x_min}, {recording.x_max}] m is empty or not finite"
     yield from _lane_problems(recording.lanes)
     yield from _merging_lane_problems(recording)
-    frames = recording.frames
-    shape = frames.vehicle.shape
-    for name, array in frames.arrays():
-        if array.ndim != 2 or array.shape != shape:
-            yield f"{name} has shape {array.shape}, expected the shape {shape} of `vehicle`, two axes"
-    if not frames.valid.any():
+    yield from _shape_problems(recording.film)
+    if not recording.film.piece.any():
         yield "no vehicle in any frame"
     yield from _slot_problems(recording)
 
@@ -212,37 +175,50 @@ def _merging_lane_problems(recording: Recording) -> Iterator[str]:
             yield "a merging lane must lie beside the right lane of its direction"
 
 
+def _shape_problems(film: Film) -> Iterator[str]:
+    count, slots = film.piece.shape
+    if film.motion.shape != (count, 4, slots):
+        yield f"`motion` has shape {film.motion.shape}, expected {(count, 4, slots)}"
+    for name in ("motion", "piece", "pieces"):
+        if getattr(film, name).dtype != np.int32:
+            yield f"`{name}` is of {getattr(film, name).dtype}, expected int32"
+    if film.pieces.shape[1:] != (len(NOBODY),) or film.pieces[0].tolist() != list(NOBODY):
+        yield f"`pieces` must be rows of {len(NOBODY)} numbers, the first {NOBODY}"
+    if film.piece.min() < 0 or film.piece.max() >= len(film.pieces):
+        yield f"`piece` must be a row of the {len(film.pieces)} `pieces`"
+
+
 def _slot_problems(recording: Recording) -> Iterator[str]:
-    frames, valid = recording.frames, recording.frames.valid
-    if ((frames.vehicle >= 0) != valid).any() or (frames.vehicle[~valid] != NO_VEHICLE).any():
-        yield "`vehicle` must be an id >= 0 exactly where `valid` is true"
-    for name in NUMBERS:
-        values = getattr(frames, name)
-        if not np.isfinite(values[valid]).all():
-            yield f"`{name}` is not finite for some vehicle"
-        if not np.isnan(values[~valid]).all():
-            yield f"`{name}` must be NaN in empty slots"
-    if (frames.length[valid] <= 0).any() or (frames.width[valid] <= 0).any():
+    film = recording.film
+    there = film.piece > 0
+    if there[:, 0].any() or film.motion.swapaxes(1, 2)[~there].any():
+        yield "slot 0 must be empty, and the numbers in empty slots 0"
+    used = film.pieces[np.unique(film.piece[there])]
+    if (used[:, VEHICLE] < 0).any():
+        yield "a vehicle's id must be at least 0"
+    if (used[:, LENGTH:] <= 0).any():
         yield "a vehicle's length and width must be above 0"
-    if (frames.lane[valid] < OFF_LANE).any() or (frames.lane[valid] > len(recording.lanes)).any():
+    if (used[:, LANE] < OFF_LANE).any() or (used[:, LANE] > len(recording.lanes)).any():
         yield f"`lane` must be {OFF_LANE} or one of the lanes 1 to {len(recording.lanes)}"
-    if (frames.x[valid] < recording.x_min).any() or (frames.x[valid] > recording.x_max).any():
+    x = film.motion[:, 0][there] * UNIT
+    if x.min() < recording.x_min - UNIT or x.max() > recording.x_max + UNIT:
         yield f"a vehicle's centre lies outside [{recording.x_min}, {recording.x_max}] m"
-    unknown = set(np.unique(frames.vehicle[valid]).tolist()) ^ set(recording.vehicle_class)
+    unknown = set(np.unique(used[:, VEHICLE]).tolist()) ^ set(recording.vehicle_class)
     if unknown:
         yield f"`vehicle_class` and the vehicles in the frames differ in ids {sorted(unknown)[:5]}"
-    ordered = np.sort(frames.vehicle, axis=1)
+    vehicle = film.pieces[:, VEHICLE][film.piece]
+    ordered = np.sort(vehicle, axis=1)
     if ((ordered[:, 1:] == ordered[:, :-1]) & (ordered[:, 1:] != NO_VEHICLE)).any():
         yield "a vehicle appears twice in one frame"
-    if not np.array_equal(frames.first, _expected_first(frames.vehicle)):
+    if not np.array_equal(film.pieces[:, FIRST][film.piece], _expected_first(vehicle)):
         yield "`first` does not match the frames in which the vehicles appear"
 
 
 def _expected_first(vehicle: Ids) -> Ids:
-    """Return the start of each unbroken stretch, derived from the slots alone. Shape (F, K)."""
-    count, capacity = vehicle.shape
-    same = np.zeros((count, capacity), dtype=np.bool_)
+    """Return the start of each unbroken stretch, derived from the slots alone. Shape (F, S)."""
+    count, slots = vehicle.shape
+    same = np.zeros((count, slots), dtype=np.bool_)
     same[1:] = vehicle[1:] == vehicle[:-1]
-    index = np.broadcast_to(np.arange(count, dtype=np.int32)[:, None], (count, capacity))
+    index = np.broadcast_to(np.arange(count, dtype=np.int32)[:, None], (count, slots))
     started = np.maximum.accumulate(np.where(same, 0, index), axis=0)
     return np.where(vehicle == NO_VEHICLE, NO_VEHICLE, started).astype(np.int32)

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from drlsl.traffic.recording import Dropped, Frames, Recording, VehicleClass
+from drlsl.traffic.packed_frames import Film
+from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 
 
 def facts_of(recording: Recording) -> dict[str, Any]:
-    """Return all of a recording but its frames."""
+    """Return all of a recording but its film."""
     return {
         "name": recording.name,
         "frame_rate": recording.frame_rate,
@@ -28,8 +29,8 @@ def facts_of(recording: Recording) -> dict[str, Any]:
     }
 
 
-def recording_from(facts: Mapping[str, Any], frames: Frames) -> Recording:
-    """Return the recording of facts and frames.
+def recording_from(facts: Mapping[str, Any], film: Film) -> Recording:
+    """Return the recording of facts and a film.
 
     Raises:
         KeyError, TypeError, ValueError: the facts are not those of a recording.
@@ -42,7 +43,7 @@ def recording_from(facts: Mapping[str, Any], frames: Frames) -> Recording:
         lanes=lanes,
         x_min=facts["x_min"],
         x_max=facts["x_max"],
-        frames=frames,
+        film=film,
         vehicle_class={int(vehicle): kinds[kind] for vehicle, kind in facts["vehicle_class"].items()},
         dropped=tuple(Dropped(**item) for item in facts["dropped"]),
         notes=tuple(facts["notes"]),

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.traffic.array_kinds import Floats, LaneIds, Mask
-from drlsl.traffic.recording import OFF_LANE, Dropped, Frames, Recording, VehicleClass
+from drlsl.traffic.packed_frames import OFF_LANE, Frames
+from drlsl.traffic.recording import Dropped, Recording, VehicleClass
 from drlsl.traffic.road import MergingLane
 
 ENTRANCE = 15.0

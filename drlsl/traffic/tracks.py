@@ -1,10 +1,10 @@
-"""Turn rows, one per vehicle and frame, into the padded arrays of a recording."""
+"""Turn rows, one per vehicle and frame, into the film of a recording."""
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +12,15 @@ import numpy.typing as npt
 
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import NUMBERS, Boxes, Floats, Ids, LaneIds
-from drlsl.traffic.recording import EMPTY_SLOT, NO_VEHICLE, OFF_LANE, Dropped, Frames
+from drlsl.traffic.packed_frames import LARGEST, NOBODY, OFF_LANE, UNIT, Film, Words
+from drlsl.traffic.recording import Dropped
 from drlsl.traffic.road import Lane
 
 ROUNDING = 1e-6
 """Slack [m] at the borders of a lane, so that none falls between two lanes that touch."""
 
 MOST_CELLS = 100_000_000
-"""Largest rectangle of frames x vehicles, about 6 GB: a guard against wrong frame numbers."""
+"""Largest rectangle of frames x vehicles, 2 GB: a guard against wrong frame numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,13 +75,19 @@ def lanes_of_rows(y: Floats, lanes: Sequence[Lane]) -> LaneIds:
     return ids
 
 
-def pack(tracks: Tracks, lane: LaneIds, *, name: str, frame_count: int = 0) -> Frames:
-    """Return the padded arrays of rows that are sorted, free of duplicates and numbered from frame 0.
+def rounded(tracks: Tracks) -> Tracks:
+    """Return the rows with numbers as a film keeps them: lanes are told from these."""
+    return replace(tracks, **{name: np.rint(getattr(tracks, name) / UNIT) * UNIT for name in NUMBERS})
 
-    There are `frame_count` frames, or as many as the rows need.
+
+def pack(tracks: Tracks, lane: LaneIds, *, name: str, frame_count: int = 0) -> Film:
+    """Return the film of rows that are sorted, free of duplicates and numbered from frame 0.
+
+    There are `frame_count` frames, or as many as the rows need. Numbers are rounded to `UNIT`.
 
     Raises:
-        UserError: the frame numbers would need an absurd amount of memory.
+        UserError: a number is not finite or too large, or the frame numbers would need an absurd amount of
+            memory.
     """
     starts = segment_starts(tracks)
     lengths = np.diff(np.append(starts, len(tracks)))
@@ -92,21 +99,45 @@ def pack(tracks: Tracks, lane: LaneIds, *, name: str, frame_count: int = 0) -> F
             f"{name}: {len(tracks):,} rows span {count:,} frames with up to {capacity} vehicles in one, "
             f"more than the {MOST_CELLS:,} cells supported; check the frame numbers or split the recording"
         )
-    rows, columns = tracks.frame, np.repeat(slots, lengths)
+    numbers = {column: _whole(getattr(tracks, column), f"{name}: `{column}`") for column in NUMBERS}
+    rows, columns = tracks.frame, np.repeat(slots, lengths) + 1
+    first = np.repeat(first_frame, lengths)
+    piece, pieces = _pieces(tracks, [tracks.vehicle, lane, first, numbers["length"], numbers["width"]])
+    motion = np.zeros((count, 4, capacity + 1), dtype=np.int32)
+    for place, column in enumerate(NUMBERS[:4]):
+        motion[rows, place, columns] = numbers[column]
+    spread = np.zeros((count, capacity + 1), dtype=np.int32)
+    spread[rows, columns] = piece
+    return Film(motion, spread, pieces)
 
-    def spread(name: str, values: npt.NDArray[Any], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        array = np.full((count, capacity), EMPTY_SLOT[name], dtype=dtype)
-        array[rows, columns] = values
-        return array
 
-    vehicle = spread("vehicle", tracks.vehicle, np.int32)
-    return Frames(
-        vehicle=vehicle,
-        lane=spread("lane", lane, np.int16),
-        first=spread("first", np.repeat(first_frame, lengths), np.int32),
-        valid=vehicle != NO_VEHICLE,
-        **{column: spread(column, getattr(tracks, column), np.float64) for column in NUMBERS},
-    )
+def _whole(values: Floats, what: str) -> Words:
+    """Return numbers in `UNIT`.
+
+    Raises:
+        UserError: one is not finite, or too large.
+    """
+    if not np.isfinite(values).all():
+        raise UserError(f"{what} is not finite for some vehicle")
+    if np.abs(values).max() > LARGEST:
+        raise UserError(f"{what} is up to {np.abs(values).max():g}; expected at most {LARGEST:.0f} m or m/s")
+    return np.rint(values / UNIT).astype(np.int32)
+
+
+def _pieces(tracks: Tracks, values: Sequence[npt.NDArray[Any]]) -> tuple[Words, Words]:
+    """Return the piece of each row, and the pieces in the order in which they begin, after that of nobody.
+
+    `values`: the columns of the pieces. A piece ends where one of them changes.
+    """
+    table = np.stack([column.astype(np.int32) for column in values], axis=1)
+    new = np.ones(len(table), dtype=np.bool_)
+    new[1:] = (table[1:] != table[:-1]).any(axis=1)
+    starts = np.flatnonzero(new)
+    order = np.argsort(tracks.frame[starts], kind="stable")
+    rank = np.empty(len(starts), dtype=np.int32)
+    rank[order] = np.arange(1, len(starts) + 1)
+    nobody = np.array([NOBODY], dtype=np.int32)
+    return rank[np.cumsum(new) - 1], np.concatenate([nobody, table[starts[order]]])
 
 
 def _slots(begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]) -> tuple[Ids, int]:

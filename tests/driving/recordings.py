@@ -60,7 +60,7 @@ def recording(drives: Sequence[Drive], *, frames: int = 400, frame_rate: float =
         lanes=LANES,
         x_min=0.0,
         x_max=LENGTH,
-        frames=pack(tracks, lanes_of_rows(tracks.y, LANES), name="by-hand"),
+        film=pack(tracks, lanes_of_rows(tracks.y, LANES), name="by-hand"),
         vehicle_class={int(one): VehicleClass.CAR for one in np.unique(tracks.vehicle)},
     )
     made.validate()

@@ -75,12 +75,12 @@ def test_a_direction_needs_one_ramp(ramps: tuple[MergingLane, ...]) -> None:
 def test_vehicles_on_a_ramp_are_in_its_lane_and_all_others_where_they_were() -> None:
     made = load_recording("merge-test")
     before, (playback,) = made.frames, playbacks_of([made], 100.0, entry="ramp")
-    (lane,), film = playback.entry_lanes, playback.film
+    (lane,), lanes = playback.entry_lanes, playback.film.lane(slice(None))
     assert lane.end is not None
     ramp = before.valid & (np.abs(before.y - lane.centre) <= lane.width / 2) & (before.x <= lane.end)
     assert ramp.sum() > 1000
-    assert (film.lane[:, 1:][ramp] == lane.id).all()
-    assert np.array_equal(film.lane[:, 1:][~ramp], before.lane[~ramp])
+    assert (lanes[:, 1:][ramp] == lane.id).all()
+    assert np.array_equal(lanes[:, 1:][~ramp], before.lane[~ramp])
 
 
 def test_the_ego_enters_where_the_ramp_begins_no_faster_than_ramps_allow() -> None:
@@ -127,7 +127,7 @@ def test_past_the_end_of_its_lane_an_ego_is_off_the_road(way: Direction, x: floa
     playback = world.playback_of(0)
     world._egos.place(0, Entry(0, playback.lanes[0], x, 20.0))
     world._egos.at.y[0], world._egos.at.ended[0] = y, False
-    nobody = np.zeros((1, world.playbacks.film.valid.shape[1]), dtype=np.bool_)
+    nobody = np.zeros((1, world.playbacks.films.slots), dtype=np.bool_)
     events, _, _ = world._finish(nobody, np.zeros(1, dtype=np.bool_), np.ones(1, dtype=np.bool_))
     lanes = [
         (lane.centre - lane.width / 2, lane.centre + lane.width / 2)

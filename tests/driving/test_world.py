@@ -14,9 +14,8 @@ from drlsl.driving.scene import Action
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, Verdict, World, in_direction, playbacks_of
 from drlsl.driving.simulation.entry import Entries, beginnings, track_length
-from drlsl.driving.simulation.playback import Film
 from drlsl.errors import UserError
-from drlsl.traffic import Direction, Recording, load_recording
+from drlsl.traffic import Direction, Film, Recording, load_recording
 from tests.driving.recordings import LANES, LENGTH, Drive, recording
 
 KEEP, LEFT, RIGHT = (np.array([action]) for action in Action)
@@ -180,11 +179,7 @@ def test_how_long_an_episode_is_and_where_it_may_begin(
 def repeated(film: Film, frames: int) -> Film:
     """The first frame of a film, again and again."""
     return Film(
-        np.repeat(film.numbers[:, :1], frames, axis=1),
-        np.repeat(film.vehicle[:1], frames, axis=0),
-        np.repeat(film.lane[:1], frames, axis=0),
-        np.repeat(film.first[:1], frames, axis=0),
-        np.repeat(film.valid[:1], frames, axis=0),
+        np.repeat(film.motion[:1], frames, axis=0), np.repeat(film.piece[:1], frames, axis=0), film.pieces
     )
 
 
@@ -236,16 +231,7 @@ def test_an_unknown_action_is_refused(shield: Shield) -> None:
 
 def test_a_direction_without_lanes_is_refused(shield: Shield) -> None:
     made = recording(EMPTY)
-    upper = Recording(
-        **{
-            name: getattr(made, name)
-            for name in made.__slots__
-            if name not in ("lanes", "frames", "vehicle_class")
-        },
-        lanes=LANES[:2],
-        frames=made.frames,
-        vehicle_class=made.vehicle_class,
-    )
+    upper = replace(made, lanes=LANES[:2])
     with pytest.raises(UserError, match="no lane runs left_to_right"):
         world(shield, upper)
 
@@ -257,6 +243,16 @@ def test_the_entry_is_a_gap_that_the_rules_call_safe(shield: Shield) -> None:
     for seed in range(5):
         entry = Entries(playback, shield, (4.6, 1.9)).find(np.random.default_rng(seed), frame=0)
         assert entry.lane.id == 5
+
+
+def test_entries_are_the_same_however_few_answers_are_kept(shield: Shield) -> None:
+    playback = playbacks_of([load_recording("highway-test")], 100.0)[0]
+    found = []
+    for kept in (1, 9, 1000):
+        entries, rng = Entries(playback, shield, (4.6, 1.9), kept), np.random.default_rng(4)
+        found.append([entries.find(rng, frame=int(frame)) for frame in rng.integers(0, 90, 40)])
+        assert len(entries._known) <= max(kept, 4)
+    assert found[0] == found[1] == found[2]
 
 
 def test_a_road_without_a_gap_is_refused(shield: Shield) -> None:

@@ -17,7 +17,8 @@ import drlsl.traffic.cache
 import drlsl.traffic.load
 from drlsl.files import cache_folder as folder_of_caches
 from drlsl.traffic import Recording, find_source, load_recording
-from drlsl.traffic.cache import read_cached
+from drlsl.traffic.cache import FOLDER, HEAD, read_cached
+from drlsl.traffic.packed_frames import UNIT
 from tests.traffic.writing import Row, write_highd, write_ngsim_csv
 
 ROWS = [
@@ -57,6 +58,56 @@ def test_the_second_load_is_equal_and_reads_no_table(folder: Path, monkeypatch: 
     assert first.dropped
 
 
+def test_a_loaded_recording_is_the_file_itself(folder: Path, cache_folder: Path) -> None:
+    """Its pages are shared by processes, and stay when another process replaces or removes the file."""
+    for _ in range(2):
+        film = load_recording(folder).film
+        for name in ("motion", "piece", "pieces"):
+            array = getattr(film, name)
+            while isinstance(array.base, np.ndarray):
+                array = array.base
+            assert isinstance(array, np.memmap), name
+    before = film.motion.copy()
+    (path,) = (cache_folder / FOLDER).iterdir()
+    path.unlink()
+    load_recording(folder)
+    assert np.array_equal(film.motion, before)
+
+
+def test_processes_that_load_at_once_do_not_disturb_each_other(folder: Path, cache_folder: Path) -> None:
+    code = (
+        "import sys, hashlib; from drlsl.traffic import load_recording; "
+        f"film = load_recording({str(folder)!r}).film; "
+        "print(hashlib.sha256(film.motion.tobytes() + film.piece.tobytes()).hexdigest())"
+    )
+    started = [
+        subprocess.Popen([sys.executable, "-W", "error", "-c", code], stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
+    ]
+    told = {process.communicate()[0] for process in started}
+    assert [process.returncode for process in started] == [0] * 4
+    assert len(told) == 1
+    assert [path.suffix for path in (cache_folder / FOLDER).iterdir()] == [".film"]
+
+
+def test_an_array_that_does_not_begin_at_a_number_is_not_mapped(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as changed:
+        changed.setattr(drlsl.traffic.cache, "HEAD", 11)
+        with pytest.warns(UserWarning, match="does not begin at a number"):
+            first = load_recording(folder)
+    assert_equal(first, load_recording(folder, cache=False))
+
+
+def test_loading_marks_the_time_of_use(folder: Path, cache_folder: Path) -> None:
+    load_recording(folder)
+    (path,) = (cache_folder / FOLDER).iterdir()
+    os.utime(path, (1e9, 1e9))
+    load_recording(folder)
+    assert path.stat().st_mtime > 1.5e9
+
+
 def test_an_ngsim_table_is_cached_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_ngsim_csv(tmp_path / "t.csv", [Row(frame, 1, 5.0 + 1.5 * frame, 1.8) for frame in range(50)])
     first = load_recording(path)
@@ -85,7 +136,7 @@ def test_a_changed_file_is_read_again(folder: Path, cache_folder: Path, file: st
     (folder / file).write_text(text.replace(old, new, 1))
     os.utime(folder / file, ns=(status.st_atime_ns, status.st_mtime_ns))
     assert_equal(load_recording(folder), load_recording(folder, cache=False))
-    assert len(list(cache_folder.iterdir())) == 1
+    assert len(list((cache_folder / FOLDER).iterdir())) == 1
 
 
 @pytest.mark.parametrize("line", [1, -2])
@@ -114,6 +165,7 @@ def test_equal_names_elsewhere_are_not_confused(tmp_path: Path) -> None:
 
 def damage(path: Path, how: str) -> None:
     content = bytearray(path.read_bytes())
+    path.unlink()  # a file that is mapped into memory must not change
     if how == "truncated":
         path.write_bytes(content[: len(content) // 2])
     elif how == "empty":
@@ -122,15 +174,15 @@ def damage(path: Path, how: str) -> None:
         path.write_text("not an archive")
     elif how == "pickle":
         with open(path, "wb") as file:
-            file.write(bytes(8))
+            file.write(bytes(HEAD))
             np.save(file, np.array([{"a": 1}], dtype=object))
     elif how == "other":
         with open(path, "wb") as file:
-            file.write(bytes(8))
+            file.write(bytes(HEAD))
             np.save(file, np.zeros(3))
             np.save(file, np.zeros(3))
     else:
-        place = {"position": np.float64(50.0 + 3).tobytes(), "speed limit": "36.11".encode("utf-32-le")}[how]
+        place = {"position": np.int32(53 / UNIT).tobytes(), "speed limit": b"36.11"}[how]
         content[content.index(place)] ^= 1
         path.write_bytes(content)
 
@@ -138,7 +190,7 @@ def damage(path: Path, how: str) -> None:
 @pytest.mark.parametrize("how", ["truncated", "empty", "text", "pickle", "other", "position", "speed limit"])
 def test_a_damaged_cache_is_rebuilt_with_a_warning(folder: Path, cache_folder: Path, how: str) -> None:
     first = load_recording(folder)
-    (path,) = cache_folder.iterdir()
+    (path,) = (cache_folder / FOLDER).iterdir()
     damage(path, how)
     with pytest.warns(UserWarning, match="damaged cache file, rebuilt"):
         second = load_recording(folder)
@@ -149,7 +201,7 @@ def test_a_damaged_cache_is_rebuilt_with_a_warning(folder: Path, cache_folder: P
 def test_a_flipped_bit_of_a_cached_recording_changes_nothing(folder: Path, cache_folder: Path) -> None:
     first = load_recording(folder)
     source = find_source(str(folder))
-    (path,) = cache_folder.iterdir()
+    (path,) = (cache_folder / FOLDER).iterdir()
     content = path.read_bytes()
     # What the arrays mean stands in their headers: a number read with its bytes in reverse is another one.
     headers = [match.start() + 1 for match in re.finditer(rb"'[<|>]\w", content)]
@@ -160,6 +212,7 @@ def test_a_flipped_bit_of_a_cached_recording_changes_nothing(folder: Path, cache
     for place in places:
         copy = bytearray(content)
         copy[place // 8] ^= 1 << place % 8
+        path.unlink()  # a file that is mapped into memory must not change
         path.write_bytes(copy)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

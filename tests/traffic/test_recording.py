@@ -11,7 +11,7 @@ import pytest
 
 from drlsl.errors import UserError
 from drlsl.traffic import Direction, Lane, Recording, Tracks, VehicleClass, lanes_of_rows, pack
-from drlsl.traffic.recording import NO_VEHICLE
+from drlsl.traffic.packed_frames import FIRST, LANE, LENGTH, NO_VEHICLE, VEHICLE, WIDTH, Film
 
 LANES = (
     Lane(1, Direction.RIGHT_TO_LEFT, 2.0, 4.0, 36.0),
@@ -35,7 +35,7 @@ def make() -> Recording:
         lanes=LANES,
         x_min=0.0,
         x_max=100.0,
-        frames=pack(tracks, lanes_of_rows(y, LANES), name="made by hand"),
+        film=pack(tracks, lanes_of_rows(y, LANES), name="made by hand"),
         vehicle_class={7: VehicleClass.CAR, 9: VehicleClass.TRUCK},
     )
 
@@ -83,10 +83,16 @@ def test_empty_slots_show() -> None:
 
 
 def broken(name: str, where: Any, value: Any) -> Recording:
+    """With a wrong number in an array of the film; the pieces are nobody, those of 7, 9 and 9 again."""
     recording = make()
-    array = np.array(getattr(recording.frames, name))
+    array = np.array(getattr(recording.film, name))
     array[where] = value
-    return replace(recording, frames=replace(recording.frames, **{name: array}))
+    return replace(recording, film=replace(recording.film, **{name: array}))
+
+
+def nobody() -> Film:
+    film = make().film
+    return Film(np.zeros_like(film.motion), np.zeros_like(film.piece), film.pieces)
 
 
 FAULTS: dict[str, tuple[Callable[[], Recording], str]] = {
@@ -104,17 +110,30 @@ FAULTS: dict[str, tuple[Callable[[], Recording], str]] = {
         lambda: replace(make(), lanes=(*LANES[:2], replace(LANES[2], centre=13.0))),
         "2 and 3 overlap",
     ),
-    "shape": (lambda: replace(make(), frames=replace(make().frames, x=np.zeros((4, 3)))), "x has shape"),
-    "nan": (lambda: broken("vx", (0, 0), np.nan), "`vx` is not finite"),
-    "infinite": (lambda: broken("y", (0, 0), np.inf), "`y` is not finite"),
-    "hidden value": (lambda: broken("x", (0, 1), 5.0), "`x` must be NaN in empty slots"),
-    "length": (lambda: broken("length", (0, 0), 0.0), "length and width"),
-    "lane": (lambda: broken("lane", (0, 0), 4), "lanes 1 to 3"),
-    "outside": (lambda: broken("x", (0, 0), 101.0), "outside"),
-    "twice": (lambda: broken("vehicle", (1, 1), 7), "7|9|twice"),
-    "first": (lambda: broken("first", (1, 0), 1), "`first` does not match"),
-    "valid": (lambda: broken("valid", (0, 0), False), "`vehicle` must be"),
-    "empty": (lambda: broken("valid", (slice(None), slice(None)), False), "no vehicle"),
+    "shape": (
+        lambda: replace(make(), film=replace(make().film, motion=np.zeros((4, 3, 3), dtype=np.int32))),
+        "`motion` has shape",
+    ),
+    "kind": (
+        lambda: replace(make(), film=replace(make().film, piece=make().film.piece.astype(np.int64))),
+        "`piece` is of int64",
+    ),
+    "columns": (
+        lambda: replace(make(), film=replace(make().film, pieces=make().film.pieces[:, :4])),
+        "rows of 5 numbers",
+    ),
+    "nobody": (lambda: broken("pieces", (0, VEHICLE), 3), "rows of 5 numbers, the first"),
+    "no such piece": (lambda: broken("piece", (0, 1), 9), "`piece` must be a row of the 4"),
+    "hidden value": (lambda: broken("motion", (0, 0, 2), 5), "the numbers in empty slots 0"),
+    "in the ego's place": (lambda: broken("piece", (0, 0), 1), "slot 0 must be empty"),
+    "vehicle": (lambda: broken("pieces", (1, VEHICLE), -7), "id must be at least 0"),
+    "length": (lambda: broken("pieces", (1, LENGTH), 0), "length and width"),
+    "width": (lambda: broken("pieces", (3, WIDTH), -1), "length and width"),
+    "lane": (lambda: broken("pieces", (1, LANE), 4), "lanes 1 to 3"),
+    "outside": (lambda: broken("motion", (0, 0, 1), 1_010_000), "outside"),
+    "twice": (lambda: broken("piece", (1, 2), 1), "7|9|twice"),
+    "first": (lambda: broken("pieces", (1, FIRST), 1), "`first` does not match"),
+    "empty": (lambda: replace(make(), film=nobody()), "no vehicle"),
     "class missing": (lambda: replace(make(), vehicle_class={7: VehicleClass.CAR}), r"ids \[9\]"),
 }
 

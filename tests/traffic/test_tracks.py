@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drlsl.errors import UserError
 from drlsl.traffic import Tracks, lanes_of_rows, pack
-from drlsl.traffic.recording import Frames
+from drlsl.traffic.packed_frames import Frames
 from drlsl.traffic.tracks import segment_starts, without_duplicates
 from tests.traffic.test_recording import LANES
 
@@ -28,7 +28,7 @@ presences = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 6)), min_size=1
 def packed(present: set[tuple[int, int]]) -> Frames:
     rows, _, dropped = without_duplicates(tracks_of(list(present)))
     assert not dropped
-    return pack(rows, np.ones(len(rows), dtype=np.int16), name="test")
+    return pack(rows, np.ones(len(rows), dtype=np.int16), name="test").frames
 
 
 @given(presences)

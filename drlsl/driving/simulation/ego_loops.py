@@ -12,7 +12,8 @@ from typing import Final
 from drlsl.driving.scene import CENTRE_TOLERANCE
 from drlsl.driving.simulation.controllers import lane_control, move, move_forward, speed_control
 from drlsl.driving.simulation.reward import reward_term
-from drlsl.lowering.backends import Floats1, Floats2, Floats3, Integers1, Integers2, Mask1, Mask2
+from drlsl.lowering.backends import Floats1, Floats2, Floats3, Integers1, Integers2, Mask1, Mask2, Words1
+from drlsl.traffic import UNIT
 
 NO_ONE: Final = -1
 
@@ -164,17 +165,20 @@ def drive(
 
 def look(
     places: Integers1,
-    film_numbers: Floats3,
-    film_vehicle: Integers2,
-    film_lane: Integers2,
-    film_valid: Mask2,
+    motion: Words1,
+    piece: Words1,
+    piece_whole: Integers2,
+    piece_size: Floats2,
     x: Floats1,
     y: Floats1,
     speed: Floats1,
     vy: Floats1,
     frame: Integers1,
-    begin: Integers1,
+    motion_begin: Integers1,
+    piece_begin: Integers1,
+    first_piece: Integers1,
     frames: Integers1,
+    own_slots: Integers1,
     sign: Floats1,
     lane_id: Integers2,
     centre: Floats2,
@@ -191,19 +195,29 @@ def look(
 ) -> bool:
     """Write the scenes around egos, shape (P, S), and which vehicles touch them; return whether any does.
 
-    `lag` and `lag_speed` (N, S) are those of traffic that reacts, or of no rows.
+    `motion`, `piece`, `piece_whole` and `piece_size` are those of `Films`. `lag` and `lag_speed` (N, S) are
+    those of traffic that reacts, or of no rows.
     """
-    slots = film_valid.shape[1]
+    slots = valid.shape[1]
     any_touches = False
     for place in range(len(places)):
         ego = places[place]
-        row = begin[ego] + min(frame[ego], frames[ego] - 1)
-        for column in range(6):
-            for slot in range(slots):
-                numbers[column, place, slot] = film_numbers[column, row, slot]
+        row, own = min(frame[ego], frames[ego] - 1), own_slots[ego]
+        for column in range(4):
+            # Parts of an array, since loops over whole ones with an offset are compiled to slower code.
+            begin = motion_begin[ego] + (4 * row + column) * own
+            moves = motion[begin : begin + own]
+            for slot in range(own):
+                numbers[column, place, slot] = moves[slot] * UNIT
+            for slot in range(own, slots):
+                numbers[column, place, slot] = 0.0
+        begin = piece_begin[ego] + row * own
+        pieces, first = piece[begin : begin + own], first_piece[ego]
         for slot in range(slots):
-            vehicle[place, slot] = film_vehicle[row, slot]
-            lane[place, slot] = film_lane[row, slot]
+            # Slots that a film does not have are empty, as its slot 0 is.
+            at = first + (pieces[slot] if slot < own else 0)
+            vehicle[place, slot], lane[place, slot] = piece_whole[at, 0], piece_whole[at, 1]
+            numbers[4, place, slot], numbers[5, place, slot] = piece_size[at, 0], piece_size[at, 1]
         if len(lag) > 0:
             for slot in range(slots):
                 if lag[ego, slot] != 0.0:
@@ -212,7 +226,6 @@ def look(
         numbers[0, place, 0], numbers[1, place, 0] = x[ego], y[ego]
         numbers[2, place, 0], numbers[3, place, 0] = sign[ego] * speed[ego], vy[ego]
         numbers[4, place, 0], numbers[5, place, 0] = ego_length, ego_width
-        vehicle[place, 0] = EGO
         nearest = 0
         for other in range(1, centre.shape[1]):
             if abs(centre[ego, other] - y[ego]) < abs(centre[ego, nearest] - y[ego]):
@@ -221,13 +234,13 @@ def look(
         touches = False
         for slot in range(slots):
             dx, dy = numbers[0, place, slot] - x[ego], numbers[1, place, slot] - y[ego]
-            recorded = film_valid[row, slot]
+            recorded = vehicle[place, slot] >= 0
             valid[place, slot] = (dx * dx + dy * dy <= reach * reach) & recorded
             meets = abs(dx) < (numbers[4, place, slot] + ego_length) / 2
             meets &= abs(dy) < (numbers[5, place, slot] + ego_width) / 2
             touching[place, slot] = meets & recorded
             touches |= meets & recorded
-        valid[place, 0] = True
+        valid[place, 0], vehicle[place, 0] = True, EGO
         any_touches |= touches
     return any_touches
 

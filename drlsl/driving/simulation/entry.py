@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,7 +14,7 @@ from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation.playback import Playback
 from drlsl.errors import UserError
-from drlsl.traffic import RAMP_LIMIT, Floats, Integers, Lane
+from drlsl.traffic import LANE, RAMP_LIMIT, UNIT, Floats, Integers, Lane
 
 OFFSET: Final = 60.0
 """Least distance of an entry from the beginning of the stretch [m], so that the ego sees its follower."""
@@ -29,6 +30,9 @@ PAUSE: Final = 0.5
 
 AHEAD: Final = 4
 """Frames of a search per query of the rules."""
+
+KEPT: Final = 1 << 19
+"""Frames of all recordings together, about which the answers of the rules are kept: some 250 MB at most."""
 
 RAMP_ZONE: Final = 40.0
 """Length of the part of a merging lane where the ego enters, from its beginning [m]."""
@@ -75,11 +79,16 @@ def beginnings(playback: Playback, config: EnvConfig) -> int:
     room, track = room_to_drive(playback, config.ego_length), track_length(playback, config)
     if (room < TRACK_LENGTH and playback.ramp is None) or track > room:
         return playback.frames
-    film = playback.film
-    own = film.valid & np.isin(film.lane, [lane.id for lane in playback.lanes])
-    pace = float(np.percentile(playback.sign * film.numbers[2][own], SLOW))
+    pace = float(np.percentile(playback.sign * _speeds(playback), SLOW))
     frames = playback.frames - math.ceil(track / (max(pace, 1.0) * playback.road.time_step))
     return frames if frames > 0 else playback.frames
+
+
+def _speeds(playback: Playback) -> Floats:
+    """Return the velocities along x of all vehicles in the playback's lanes, in every frame."""
+    film = playback.film
+    own = np.isin(film.pieces[:, LANE], [lane.id for lane in playback.lanes])
+    return np.asarray(film.motion[:, 2][own[film.piece]] * UNIT, dtype=np.float64)
 
 
 def _zone(playback: Playback) -> tuple[float, float]:
@@ -98,12 +107,16 @@ class Entries:
     with the speed of the traffic around it.
     """
 
-    def __init__(self, playback: Playback, shield: Shield, size: tuple[float, float]) -> None:
-        """Prepare the search of entries for an ego of a `size`, length and width [m]."""
+    def __init__(
+        self, playback: Playback, shield: Shield, size: tuple[float, float], kept: int = KEPT
+    ) -> None:
+        """Prepare the search of entries for an ego of a `size`, length and width [m].
+
+        The answers about `kept` frames are kept.
+        """
         begin, end = _zone(playback)
         along = begin + (np.arange(PLACES) + 0.5) * (end - begin) / PLACES
         self._lanes = playback.entry_lanes
-        count = len(self._lanes) * PLACES
         self._playback = playback
         self._shield = shield
         self._size = size
@@ -114,9 +127,9 @@ class Entries:
         fastest = np.inf if playback.ramp is None else RAMP_LIMIT
         self._limit = np.array([min(lane.speed_limit, fastest) for lane in self._lanes])[self._lane]
         self._x = np.tile(playback.at(along), len(self._lanes))
-        self._known = np.zeros(playback.frames, dtype=np.bool_)
-        self._safe = np.zeros((playback.frames, count), dtype=np.bool_)
-        self._speed = np.zeros((playback.frames, count))
+        self._kept = kept
+        self._known: dict[int, tuple[Integers, Floats]] = {}
+        """By frame: the places that are safe, and the speed [m/s] in each."""
 
     def find(self, rng: np.random.Generator, *, frame: int, lane: Lane | None = None) -> Entry:
         """Return a place drawn among the safe ones at `frame` or soon after, if possible in `lane`.
@@ -127,28 +140,36 @@ class Entries:
         playback = self._playback
         for start in range(frame, frame + playback.frames, self._step):
             at = start % playback.frames
-            if not self._known[at]:
-                self._ask(np.arange(start, start + AHEAD * self._step, self._step) % playback.frames)
-            safe = self._safe[at].nonzero()[0]
-            preferred = safe if lane is None else safe[self._lane_id[safe] == lane.id]
-            choices = preferred if preferred.size else safe
+            if at not in self._known:
+                self._ask([later % playback.frames for later in self._searched(start)])
+            safe, speed = self._known[at]
+            choices = np.arange(len(safe))
+            if lane is not None and (preferred := np.flatnonzero(self._lane_id[safe] == lane.id)).size:
+                choices = preferred
             if choices.size:
                 chosen = int(choices[rng.integers(choices.size)])
-                x, speed = float(self._x[chosen]), float(self._speed[at, chosen])
-                return Entry(at, self._lanes[int(self._lane[chosen])], x, speed)
+                place = int(safe[chosen])
+                lane = self._lanes[int(self._lane[place])]
+                return Entry(at, lane, float(self._x[place]), float(speed[chosen]))
         raise UserError(
             f"no gap that the rules call safe in {playback.frames} frames of {playback.direction.value} "
             "traffic; use a recording with less traffic or rules that ask for less room"
         )
 
-    def _ask(self, frames: Integers) -> None:
+    def _searched(self, start: int) -> range:
+        """Return the frames that are asked about at once, the first of them `start`."""
+        return range(start, start + AHEAD * self._step, self._step)
+
+    def _ask(self, wanted: Sequence[int]) -> None:
         """Query the rules about some frames."""
-        frames = np.unique(frames[~self._known[frames]])
+        frames = np.unique([frame for frame in wanted if frame not in self._known])
         speed = self._traffic_speed(frames)
-        safe = np.array(self._shield.entries_are_safe(self._scenes(frames, speed)))
-        self._safe[frames] = safe.reshape(speed.shape)
-        self._speed[frames] = speed
-        self._known[frames] = True
+        safe = np.array(self._shield.entries_are_safe(self._scenes(frames, speed))).reshape(speed.shape)
+        for frame, here, speeds in zip(frames.tolist(), safe, speed, strict=True):
+            places = here.nonzero()[0]
+            self._known[frame] = places, speeds[places]
+        while len(self._known) > max(self._kept, len(frames)):
+            del self._known[next(iter(self._known))]
 
     def _traffic_speed(self, frames: Integers) -> Floats:
         """Return the mean speed of the nearest leader and follower, at most the limit; the limit if alone.
@@ -156,10 +177,11 @@ class Entries:
         Of shape (F, P).
         """
         film, sign = self._playback.film, self._playback.sign
-        offset = sign * (film.numbers[0, frames][:, None, :] - self._x[:, None])
-        seen = film.valid[frames][:, None, :] & (film.lane[frames][:, None, :] == self._lane_id[:, None])
+        x, _, vx, *_ = film.numbers(frames)
+        offset = sign * (x[:, None, :] - self._x[:, None])
+        seen = film.valid(frames)[:, None, :] & (film.lane(frames)[:, None, :] == self._lane_id[:, None])
         seen &= np.abs(offset) <= self._playback.road.radar_range
-        speed = sign * film.numbers[2, frames]
+        speed = sign * vx
         total, found = np.zeros(offset.shape[:2]), np.zeros(offset.shape[:2])
         for side in (seen & (offset >= 0), seen & (offset < 0)):
             nearest = np.where(side, np.abs(offset), np.inf).argmin(axis=2)
@@ -173,14 +195,14 @@ class Entries:
         """Return the scenes with the ego at every place in some frames, at `speed`, shape (F, P)."""
         playback, film, count = self._playback, self._playback.film, len(frames)
         rows = np.repeat(frames, len(self._x))
-        numbers, vehicle, lane = film.numbers[:, rows], film.vehicle[rows], film.lane[rows]
+        numbers, vehicle, lane = film.numbers(rows), film.vehicle(rows), film.lane(rows)
         x, y = np.tile(self._x, count), np.tile(self._centre, count)
         own: list[Floats | float] = [x, y, playback.sign * speed.ravel(), 0.0, *self._size]
         for column, value in zip(numbers, own, strict=True):
             column[:, 0] = value
         vehicle[:, 0], lane[:, 0] = EGO_ID, np.tile(self._lane_id, count)
         dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
-        valid = film.valid[rows] & (dx * dx + dy * dy <= playback.road.radar_range**2)
+        valid = film.valid(rows) & (dx * dx + dy * dy <= playback.road.radar_range**2)
         valid[:, 0] = True
         return SceneBatch.from_numbers(
             numbers,

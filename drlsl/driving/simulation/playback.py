@@ -1,4 +1,4 @@
-"""Recordings laid out for driving: arrays per frame, read by many egos at once."""
+"""Recordings laid out for driving: the directions of their roads, read by many egos at once."""
 
 from __future__ import annotations
 
@@ -11,84 +11,21 @@ import numpy as np
 from drlsl.driving.config import EntryPlace, EnvConfig
 from drlsl.driving.scene import Road
 from drlsl.driving.simulation.fault import Track
+from drlsl.driving.simulation.films import Films, Reels
 from drlsl.errors import UserError
 from drlsl.traffic import (
-    NUMBERS,
     OFF_LANE,
+    UNIT,
     Direction,
+    Film,
     Floats,
     Integers,
     Lane,
-    Mask,
     MergingLane,
     Recording,
     Traffic,
     load_recordings,
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Film:
-    """The frames of recordings, one row each; slot 0 is always empty: the ego's place in a scene.
-
-    `numbers` (6, R, S): the columns of `NUMBERS`, 0 in empty slots; `vehicle`, `lane` and `first`, as in the
-    recording, and `valid` (R, S).
-    """
-
-    numbers: Floats
-    vehicle: Integers
-    lane: Integers
-    first: Integers
-    valid: Mask
-
-    @classmethod
-    def of(cls, recording: Recording) -> Film:
-        """Return the film of one recording."""
-        frames = recording.frames
-        film = cls.blank(*frames.valid.shape)
-        for column, name in zip(film.numbers, NUMBERS, strict=True):
-            column[:, 1:] = np.where(frames.valid, getattr(frames, name), 0.0)
-        film.vehicle[:, 1:], film.lane[:, 1:], film.first[:, 1:] = frames.vehicle, frames.lane, frames.first
-        film.valid[:, 1:] = frames.valid
-        return film
-
-    @classmethod
-    def blank(cls, frames: int, vehicles: int) -> Film:
-        """Return a film without vehicles, with room for `vehicles`."""
-        shape = (frames, vehicles + 1)
-        vehicle, lane, first = np.zeros((3, *shape), dtype=np.int64)
-        return cls(np.zeros((len(NUMBERS), *shape)), vehicle, lane, first, np.zeros(shape, dtype=np.bool_))
-
-    @classmethod
-    def joined(cls, films: Sequence[Film]) -> Film:
-        """Return the frames of several films, one film after another."""
-        if len(films) == 1:
-            return films[0]
-        film = cls.blank(sum(map(len, films)), max(one.valid.shape[1] for one in films) - 1)
-        begin = 0
-        for one in films:
-            part, slots = film.part(begin, begin + len(one)), one.valid.shape[1]
-            part.numbers[:, :, :slots] = one.numbers
-            for name in ("vehicle", "lane", "first", "valid"):
-                getattr(part, name)[:, :slots] = getattr(one, name)
-            begin += len(one)
-        return film
-
-    def part(self, begin: int, end: int) -> Film:
-        """Return a view of some rows."""
-        if (begin, end) == (0, len(self)):
-            return self
-        rows = slice(begin, end)
-        return Film(
-            self.numbers[:, rows], self.vehicle[rows], self.lane[rows], self.first[rows], self.valid[rows]
-        )
-
-    def __len__(self) -> int:
-        return int(self.valid.shape[0])
-
-    def __deepcopy__(self, memo: object) -> Self:
-        """Return the film itself: a film in use is never written to."""
-        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,9 +79,11 @@ class Playback:
 
     def track(self, frame: int, slot: int, since: int) -> Track:
         """Return the track of the vehicle in `slot` up to `frame`, from `since` or where its track began."""
-        begin = max(int(self.film.first[frame, slot]), since)
-        x, y, vx, _, length, width = self.film.numbers[:, begin : frame + 1, slot]
-        return Track(self.sign * x, y, self.sign * vx, float(length[-1]), float(width[-1]))
+        film = self.film
+        begin = max(film.first_of(frame, slot), since)
+        x, y, vx = film.motion[begin : frame + 1, :3, slot].T * UNIT
+        _, _, _, length, width = film.pieces[film.piece[frame, slot]].tolist()
+        return Track(self.sign * x, y, self.sign * vx, length * UNIT, width * UNIT)
 
 
 def playbacks_of(
@@ -164,7 +103,7 @@ def playbacks_of(
     result: list[Playback] = []
     for given in recordings:
         recording = _with_limits(given, limits) if limits else given
-        film, road = Film.of(recording), road_of(recording, radar_range)
+        film, road = recording.film, road_of(recording, radar_range)
         ramps: dict[Direction, MergingLane] = {}
         if entry == "ramp":
             ramps = {direction: _ramp_of(recording, direction) for direction in recording.directions}
@@ -252,18 +191,22 @@ def _ramp_of(recording: Recording, direction: Direction) -> MergingLane:
 def _with_ramps(
     recording: Recording, film: Film, road: Road, ramps: Iterable[MergingLane]
 ) -> tuple[Film, Road]:
-    """Return film and road with merging lanes as lanes that end, after the others by their ids."""
-    lanes, lane_of = list(road.lanes), film.lane.copy()
-    x, y = film.numbers[0], film.numbers[1]
+    """Return film and road with merging lanes as lanes that end, after the others by their ids.
+
+    The lanes of that film, 4 bytes for each frame and slot, are not shared by processes.
+    """
+    lanes, everywhere = list(road.lanes), slice(None)
+    elsewhere = film.valid(everywhere) & (film.lane(everywhere) == OFF_LANE)
+    x, y, *_ = film.numbers(everywhere)
     for number, ramp in enumerate(ramps, start=len(lanes) + 1):
         sign = ramp.direction.sign
         road_lanes = recording.lanes_of(ramp.direction)
         right = road_lanes[-1 if sign > 0 else 0]
         lanes.append(Lane(number, ramp.direction, ramp.centre, ramp.width, right.speed_limit, ramp.end))
-        inside = film.valid & (lane_of == OFF_LANE) & (sign * x <= sign * ramp.end)
-        lane_of[inside & (np.abs(y - ramp.centre) <= ramp.width / 2)] = number
+        inside = elsewhere & (sign * x <= sign * ramp.end) & (np.abs(y - ramp.centre) <= ramp.width / 2)
+        film, elsewhere = film.with_lane(inside, number), elsewhere & ~inside
     lanes.sort(key=lambda lane: lane.centre)
-    return replace(film, lane=lane_of), replace(road, lanes=tuple(lanes))
+    return film, replace(road, lanes=tuple(lanes))
 
 
 def road_of(recording: Recording, radar_range: float) -> Road:
@@ -287,19 +230,17 @@ def lane_table(roads: Sequence[Sequence[Lane]], nowhere: float) -> tuple[Integer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Courses:
+class Courses(Reels):
     """The data of the playbacks that N egos drive in; one value for each ego.
 
-    `begin`, `frames`: the first row of the film and the number of rows; `dt` [s]; `sign` of motion along x;
+    Besides those of `Reels`, of its recording's film: `dt` [s]; `sign` of motion along x;
     `road`, an index of the roads; `start`: the x where the stretch begins, `length` of it, `low` and `high`,
     the edges of the direction's lanes, `low_after` and `high_after` of those that go on where one ends, at
     `end`, counted along the direction and infinite if all go on [m]; `limit`: the highest speed limit of the
-    direction [m/s]; `lanes`: the number of lanes; `slots`: the number of slots of its own film. Of shape (N,
-    L): `lane_id`, `width`, `centre` [m], infinite where there is no lane.
+    direction [m/s]; `lanes`: the number of lanes. Of shape (N, L): `lane_id`, `width`, `centre`
+    [m], infinite where there is no lane.
     """
 
-    begin: Integers
-    frames: Integers
     dt: Floats
     sign: Floats
     road: Integers
@@ -312,7 +253,6 @@ class Courses:
     end: Floats
     limit: Floats
     lanes: Integers
-    slots: Integers
     lane_id: Integers
     centre: Floats
     width: Floats
@@ -323,7 +263,7 @@ class Courses:
 
 
 class Playbacks:
-    """Several playbacks, laid out in one film; `courses` has a value for each of them."""
+    """Several playbacks and their `films`; `courses` has a value for each playback."""
 
     def __deepcopy__(self, memo: object) -> Self:
         """Return the playbacks themselves: nothing in them changes."""
@@ -331,15 +271,17 @@ class Playbacks:
 
     def __init__(self, playbacks: Sequence[Playback]) -> None:
         films = list(dict.fromkeys(playback.film for playback in playbacks))
-        self.film = Film.joined(films)
-        begins = dict(zip(films, np.cumsum([0, *map(len, films)]).tolist(), strict=False))
-        parts = {film: self.film.part(begins[film], begins[film] + len(film)) for film in films}
-        self.all = tuple(replace(one, film=parts[one.film]) for one in playbacks)
+        self.films = Films(films)
+        self.all = tuple(playbacks)
+        reels, reel = self.films.reels, np.array([films.index(one.film) for one in playbacks])
         self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
         lane_id, centre, width = lane_table([one.lanes for one in playbacks], np.inf)
         self.courses = Courses(
-            begin=np.array([begins[one.film] for one in playbacks]),
-            frames=np.array([one.frames for one in playbacks]),
+            motion_begin=reels.motion_begin[reel],
+            piece_begin=reels.piece_begin[reel],
+            first_piece=reels.first_piece[reel],
+            frames=reels.frames[reel],
+            slots=reels.slots[reel],
             dt=np.array([one.road.time_step for one in playbacks]),
             sign=np.array([float(one.sign) for one in playbacks]),
             road=np.array([self.roads.index(one.road) for one in playbacks]),
@@ -348,7 +290,6 @@ class Playbacks:
             **_edges(playbacks),
             limit=np.array([max(lane.speed_limit for lane in one.lanes) for one in playbacks]),
             lanes=np.array([len(one.lanes) for one in playbacks]),
-            slots=np.array([one.film.valid.shape[1] for one in playbacks]),
             lane_id=lane_id,
             centre=centre,
             width=width,

@@ -17,8 +17,9 @@ import numpy as np
 
 from drlsl.driving.scene import BRAKING_LIMIT, SceneBatch
 from drlsl.driving.simulation.fault import Track
+from drlsl.driving.simulation.films import Films
 from drlsl.driving.simulation.idm import COMFORTABLE_BRAKING, free_acceleration, idm_acceleration
-from drlsl.driving.simulation.playback import Courses, Film
+from drlsl.driving.simulation.playback import Courses
 from drlsl.traffic import Floats, Integers, Mask
 
 SIDE_ROOM: Final = 0.5
@@ -56,10 +57,10 @@ class _Cars:
 class ReactiveTraffic:
     """The vehicles behind their record, around N egos; `lag` [m] >= 0 and `speed` [m/s], shape (N, S)."""
 
-    def __init__(self, film: Film, count: int, memory: int) -> None:
+    def __init__(self, films: Films, count: int, memory: int) -> None:
         """Put all vehicles on the record; lags are remembered for `memory` steps."""
-        self._film = film
-        self.lag = np.zeros((count, film.valid.shape[1]))
+        self._films = films
+        self.lag = np.zeros((count, films.slots))
         self.speed = np.zeros_like(self.lag)
         self._past: deque[tuple[Integers, Floats, Floats]] = deque(maxlen=memory)
 
@@ -72,9 +73,7 @@ class ReactiveTraffic:
 
         Only around the egos that `reacts` (N,) marks.
         """
-        rows = courses.begin + np.minimum(frame, courses.frames - 1)
-        later = courses.begin + np.minimum(frame + 1, courses.frames - 1)
-        cars = _Cars.of(scenes, courses.sign[:, None], self._film.valid.take(rows, axis=0))
+        cars = _Cars.of(scenes, courses.sign[:, None], self._films.valid(courses, frame))
         moving = self.lag.ravel() > 0.0
         rear, front = _followers(cars, self.lag > 0.0, reacts)
         moving[rear] = True
@@ -82,7 +81,7 @@ class ReactiveTraffic:
         if places.size:
             demand = np.full(self.lag.size, np.inf)
             demand[rear] = _demand(cars, rear, front)
-            self._drive(places, demand[places], cars.speed, courses, rows, later, frame + 1)
+            self._drive(places, demand[places], cars.speed, courses, frame)
         lagging = self.lag.ravel().nonzero()[0]
         self._past.append((lagging, self.lag.ravel()[lagging], self.speed.ravel()[lagging]))
 
@@ -100,7 +99,7 @@ class ReactiveTraffic:
 
     def taken(self, egos: Integers) -> ReactiveTraffic:
         """Return the vehicles around `egos`, as copies, one for each time that an ego is named."""
-        result = ReactiveTraffic(self._film, len(egos), self._past.maxlen or 0)
+        result = ReactiveTraffic(self._films, len(egos), self._past.maxlen or 0)
         result.lag, result.speed = self.lag[egos], self.speed[egos]
         slots = self.lag.shape[1]
         for lagging, lag, speed in self._past:
@@ -131,17 +130,15 @@ class ReactiveTraffic:
         demand: Floats,
         speeds: Floats,
         courses: Courses,
-        rows: Integers,
-        later: Integers,
         frame: Integers,
     ) -> None:
-        """Move the vehicles in `places` of (N, S) to `frame`; `demand`: their IDM acceleration [m/s²]."""
-        film = self._film
+        """Move the vehicles in `places` of (N, S) on from `frame`; `demand`: their accelerations [m/s²]."""
+        films = self._films
         ego, slot = np.divmod(places, self.lag.shape[1])
-        sign, dt = courses.sign[ego], courses.dt[ego]
-        row, next_row = rows[ego], later[ego]
-        recorded_way = sign * (film.numbers[0, next_row, slot] - film.numbers[0, row, slot])
-        recorded_speed = np.maximum(sign * film.numbers[2, next_row, slot], 0.0)
+        own, now, later = courses.take(ego), frame[ego], frame[ego] + 1
+        sign, dt = own.sign, own.dt
+        recorded_way = sign * (films.motion_of(own, 0, later, slot) - films.motion_of(own, 0, now, slot))
+        recorded_speed = np.maximum(sign * films.motion_of(own, 2, later, slot), 0.0)
         lag, speed = self.lag[ego, slot], speeds[ego, slot]
         wanted = np.minimum(demand, free_acceleration(speed))
         leaves = (lag > 0.0) | (wanted < np.minimum(0.0, (recorded_speed - speed) / dt))
@@ -151,7 +148,8 @@ class ReactiveTraffic:
         new = np.maximum(new, 0.0)
         behind = lag + recorded_way - (speed + new) / 2 * dt
         back = (behind <= 0.0) & (new >= recorded_speed)
-        same = film.valid[next_row, slot] & (film.first[next_row, slot] < frame[ego])
+        piece = films.piece_of(own, later, slot)
+        same = (piece != own.first_piece) & (films.first[piece] < later)
         self.lag[ego, slot] = np.where(leaves & ~back & same, np.maximum(behind, _LEAST_LAG), 0.0)
         self.speed[ego, slot] = new
 

@@ -30,9 +30,9 @@ class Sensing:
     def __init__(self, config: SensingConfig, playbacks: Playbacks, radar_range: float, count: int) -> None:
         self._config = config
         self._radar_range = radar_range
-        self._film = playbacks.film
+        self._films = playbacks.films
         self._lanes = lane_table([road.lanes for road in playbacks.roads], np.nan)
-        slots = self._film.valid.shape[1]
+        slots = self._films.slots
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self._errors = np.zeros((4, count, slots))
         self._lost = np.zeros((count, slots), dtype=np.bool_)
@@ -59,11 +59,11 @@ class Sensing:
 
     def perceive(self, scenes: SceneBatch, courses: Courses, frame: Integers, places: Integers) -> SceneBatch:
         """Return what the egos in `places` see in `scenes`, shape (P,), in `frame` of their courses."""
-        rows = courses.begin + np.minimum(frame, courses.frames - 1)
-        fresh = self._film.first.take(rows, axis=0) == frame[:, None]
+        pieces = self._films.pieces(courses, frame)
+        fresh = self._films.first.take(pieces) == frame[:, None]
         fresh |= self._looks[places][:, None] == 0
         self._drift(courses, fresh, places)
-        self._remember(scenes, self._film.valid.take(rows, axis=0), places)
+        self._remember(scenes, pieces != courses.first_piece[:, None], places)
         return self.shown(scenes, courses, places)
 
     def taken(self, egos: Integers) -> Sensing:

@@ -31,7 +31,7 @@ from drlsl.driving.simulation.ego_loops import (
     look,
 )
 from drlsl.driving.simulation.egos import Egos
-from drlsl.driving.simulation.entry import Entries, Entry, beginnings, track_length
+from drlsl.driving.simulation.entry import KEPT, Entries, Entry, beginnings, track_length
 from drlsl.driving.simulation.fault import judge
 from drlsl.driving.simulation.measures import Measures, Meter
 from drlsl.driving.simulation.playback import Playback, Playbacks
@@ -107,17 +107,18 @@ class World:
         self.shield = shield
         self.playbacks = Playbacks(distinct)
         self.count = len(playbacks)
-        film, dt = self.playbacks.film, float(self.playbacks.courses.dt.min())
+        films, dt = self.playbacks.films, float(self.playbacks.courses.dt.min())
         size, memory = (config.ego_length, config.ego_width), round(MEMORY / dt)
-        self._entries = [Entries(one, shield, size) for one in self.playbacks.all]
+        kept = KEPT // len(distinct)
+        self._entries = [Entries(one, shield, size, kept) for one in self.playbacks.all]
         self._egos = Egos(self.count, size, memory)
         self._courses = self.playbacks.courses.take(self._egos.at.playback)
         self._tracks = np.array([track_length(one, config) for one in self.playbacks.all])
-        self._beginnings = [beginnings(one, config) for one in self.playbacks.all]
+        self._beginnings: dict[int, int] = {}
         self._reacts = np.array(
             [Traffic.REACTIVE is _traffic(one, config) for one in self.playbacks.all], dtype=np.bool_
         )
-        self._reactive = ReactiveTraffic(film, self.count, memory) if self._reacts.any() else None
+        self._reactive = ReactiveTraffic(films, self.count, memory) if self._reacts.any() else None
         self._sensing = (
             Sensing(config.sensing, self.playbacks, config.radar_range, self.count)
             if config.sensing.faulty
@@ -373,9 +374,15 @@ class World:
             at.ended[ego], at.distance[ego] = False, 0.0
             if self._meter is not None:
                 self._meter.begin(ego)
-            frame = int(rng.integers(self._beginnings[at.playback[ego]]))
+            frame = int(rng.integers(self._beginnings_of(int(at.playback[ego]))))
             self._place(ego, self._entries[at.playback[ego]].find(rng, frame=frame))
         self._courses = self.playbacks.courses.take(at.playback)
+
+    def _beginnings_of(self, playback: int) -> int:
+        """Return the `beginnings` of a playback; they are found when an ego first drives in it."""
+        if playback not in self._beginnings:
+            self._beginnings[playback] = beginnings(self.playbacks.all[playback], self.config)
+        return self._beginnings[playback]
 
     def _place(self, ego: int, entry: Entry) -> None:
         """Put an ego at an entry, with all traffic around it on the record."""
@@ -392,26 +399,29 @@ class World:
 
         They hold the vehicles within `reach` [m], by default the radar range.
         """
-        at, courses, film = self._egos.at, self._courses, self.playbacks.film
+        at, courses, films = self._egos.at, self._courses, self.playbacks.films
         places = self._everyone if places is None else places
-        shape = len(places), film.valid.shape[1]
+        shape = len(places), films.slots
         numbers, whole = np.empty((len(NUMBERS), *shape)), np.empty((2, *shape), dtype=np.int64)
         valid, touching = np.empty((2, *shape), dtype=np.bool_)
         vehicle, lane = whole
         lags = _NO_LAGS if self._reactive is None else (self._reactive.lag, self._reactive.speed)
         any_touches = machine_code(look)(
             places,
-            film.numbers,
-            film.vehicle,
-            film.lane,
-            film.valid,
+            films.motion,
+            films.piece,
+            films.whole,
+            films.size,
             at.x,
             at.y,
             at.speed,
             at.vy,
             at.frame,
-            courses.begin,
+            courses.motion_begin,
+            courses.piece_begin,
+            courses.first_piece,
             courses.frames,
+            courses.slots,
             courses.sign,
             courses.lane_id,
             courses.centre,
@@ -483,10 +493,10 @@ class World:
             other,
             playback.lanes,
             playback.road.time_step,
-            other_appeared=int(playback.film.first[frame, slot]) > placed_at,
+            other_appeared=playback.film.first_of(frame, slot) > placed_at,
         )
         closing = abs(float(own.speed[-1] - other.speed[-1]))
-        return Contact(int(playback.film.vehicle[frame, slot]), verdict, closing)
+        return Contact(playback.film.vehicle_in(frame, slot), verdict, closing)
 
     def _reenter(self, entering: Mask) -> list[int]:
         """Place the egos anew that have reached the end of the stretch or of the recording; return them."""

@@ -14,6 +14,7 @@ from .plain_functions import (
     Integers2,
     Mask1,
     Mask2,
+    Words1,
     machine_code,
 )
 from .scalar import Scalar, compile_scalar, scalar_source
@@ -37,6 +38,7 @@ __all__ = [
     "Rows",
     "Scalar",
     "TextProgram",
+    "Words1",
     "c_program",
     "c_support",
     "compile_numba",

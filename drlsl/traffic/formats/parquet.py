@@ -15,10 +15,11 @@ from typing import Any, Final
 from drlsl.errors import UserError
 from drlsl.files import written_whole
 from drlsl.traffic.edit import rows_of
+from drlsl.traffic.packed_frames import Film
 from drlsl.traffic.recording import Recording
 from drlsl.traffic.recording_facts import facts_of, recording_from
 from drlsl.traffic.source import Source
-from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack
+from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, rounded
 
 KEY: Final = b"drlsl"
 """Key of the schema's metadata under which the facts of a recording stand."""
@@ -76,8 +77,7 @@ def load_parquet(source: Source) -> Recording:
     try:
         facts = json.loads(metadata[KEY])
         columns = {item.name: table.column(item.name).to_numpy() for item in fields(Tracks)}
-        tracks = Tracks(**columns)
-        recording = recording_from(facts, _frames(tracks, facts, source.name))
+        recording = recording_from(facts, _film(rounded(Tracks(**columns)), facts, source.name))
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"{path}: damaged: {error}") from error
     recording.validate()
@@ -97,6 +97,6 @@ def read_table(path: Path) -> Any:
         raise UserError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
 
 
-def _frames(tracks: Tracks, facts: Any, name: str) -> Any:
+def _film(tracks: Tracks, facts: Any, name: str) -> Film:
     lanes = recording_from({**facts, "vehicle_class": {}}, None).lanes  # type: ignore[arg-type]
     return pack(tracks, lanes_of_rows(tracks.y, lanes), name=name, frame_count=int(facts["frame_count"]))
