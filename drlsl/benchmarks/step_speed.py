@@ -29,6 +29,7 @@ FRAME_RATE: Final = 25.0
 _LENGTH: Final = 420.0
 _FRAMES: Final = 1500
 _DRAWS: Final = 997
+_DRAWN: Final = 500_000
 _WARM_UP: Final = 2000
 """Steps before measuring, to fill the cache of entries."""
 
@@ -40,12 +41,11 @@ def env_speeds(runs: int) -> dict[str, Any]:
     vehicles; any offered action is taken. `highway_env`: one environment of highway-env, if installed, with
     40 vehicles, simulated and acting at 25 Hz; its vehicles are simulated, ours recorded.
     """
-    recording = steady_traffic()
     speeds: dict[str, Any] = {"steps_per_s": {}}
     for size in SIZES:
-        env = _environment(recording, size)
+        env = steady_envs(size)
         speeds["tier"] = env.shield.tier
-        step = _stepper(env)
+        step = any_offered(env)
         for _ in range(max(_WARM_UP // size, 100)):
             step()
         speeds["steps_per_s"][str(size)] = size / median_seconds(step, runs)
@@ -87,15 +87,19 @@ def steady_traffic() -> Recording:
     return made
 
 
-def _environment(recording: Recording, size: int) -> HighwayVectorEnv:
+def steady_envs(size: int) -> HighwayVectorEnv:
+    """Return environments in steady traffic."""
+    recording = steady_traffic()
     config = EnvConfig(recording=recording.name)
     playbacks = playbacks_of([recording], config.radar_range, config.lane_limits, config.entry)
     return HighwayVectorEnv(config, num_envs=size, shield=Shield.default(tier="auto"), playbacks=playbacks)
 
 
-def _stepper(env: HighwayVectorEnv) -> Callable[[], object]:
+def any_offered(env: HighwayVectorEnv) -> Callable[[], object]:
+    """Reset environments, and return a function that steps them with any of the offered actions."""
     env.reset(seed=0)
-    weights = cycle(np.random.default_rng(0).random((_DRAWS, env.num_envs, 3)))
+    draws = min(_DRAWS, max(7, _DRAWN // env.num_envs))
+    weights = cycle(np.random.default_rng(0).random((draws, env.num_envs, 3)))
     return lambda: env.step((env.action_masks() * next(weights)).argmax(axis=1))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import statistics
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -162,22 +163,28 @@ def train(
 
 @app.command()
 def compare(
-    old: Annotated[Path, typer.Argument(metavar="OLD", help="A checkout in which `make check` was run.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="The checkout that is compared with it.")],
-    pairs: Annotated[int, typer.Option(min=1, help="Runs of each measurement in each checkout.")] = 9,
+    old: Annotated[
+        Path, typer.Argument(metavar="OLD", help="A wheel, or a checkout in which `make check` was run.")
+    ],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The one that is compared with it.")],
+    pairs: Annotated[int, typer.Option(min=1, help="Runs of each measurement of each version.")] = 9,
     only: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="PART", help="rules, env, train or query; give it again for more. Default: all."
+            metavar="PART",
+            help="rules, env, train, query, start, compile or proofs; give it again for more. Default: all.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure two checkouts in turn: the speed of NEW relative to OLD, with the interval of the median.
+    """Measure two versions in turn: the speed of NEW relative to OLD, with the interval of the median.
 
-    Numbers that only one of them reports are left out. All parts with nine pairs take about 15 minutes.
+    Both times are medians; the swing is the longest time of a version over its shortest, so a ratio within it
+    may be chance. Wheels are installed in environments of their own, which share the other packages. What
+    only one version reports is left out. All parts with nine pairs take about 40 minutes.
     """
-    from drlsl.benchmarks import MEASUREMENTS, compare_checkouts
+    from drlsl.benchmarks import MEASUREMENTS
+    from drlsl.benchmarks import compare as compared
     from drlsl.errors import UserError
 
     parts = only or list(MEASUREMENTS)
@@ -185,13 +192,36 @@ def compare(
         if part not in MEASUREMENTS:
             raise UserError(f"--only {part}: expected one of {', '.join(MEASUREMENTS)}")
     report = {}
-    for found in compare_checkouts(old, new, parts, pairs):
+    for found in compared(old, new, parts, pairs):
         low, high = found.interval
-        report[found.name] = {"median": found.median, "interval": [low, high], "ratios": list(found.ratios)}
-        if not as_json:
-            print(f"{found.name:<36} {found.median:6.3f}   {low:.3f} to {high:.3f}", flush=True)
+        before, after = statistics.median(found.old), statistics.median(found.new)
+        report[found.name] = {
+            "median": found.median,
+            "interval": [low, high],
+            "ratios": list(found.ratios),
+            "old_s": before,
+            "new_s": after,
+            "swing": found.swing,
+        }
+        if as_json:
+            continue
+        if len(report) == 1:
+            print(f"{'':<36} {'old':>10} {'new':>10} {'faster':>8}   {'interval':<16} swing")
+        print(
+            f"{found.name:<36} {_seconds(before):>10} {_seconds(after):>10} {found.median:>8.3f}   "
+            f"{f'{low:.3f} to {high:.3f}':<16} {found.swing:.2f}",
+            flush=True,
+        )
     if as_json:
         print(json.dumps(report, indent=2))
+
+
+def _seconds(time: float) -> str:
+    """Return a time with a fitting unit."""
+    for unit, factor in (("s", 1.0), ("ms", 1e3)):
+        if time * factor >= 1.0:
+            return f"{time * factor:.3g} {unit}"
+    return f"{time * 1e6:.3g} us"
 
 
 def _milliseconds(seconds: float | None) -> str:
