@@ -161,6 +161,7 @@ class Conjunctions:
         return self._made[parts]
 
     def _share(self, wanted: dict[tuple[Node, ...], list[Node]]) -> dict[tuple[Node, ...], list[Node]]:
+        wanted = self._join_companions(wanted)
         while True:
             counts: Counter[tuple[Node, Node]] = Counter()
             for parts in wanted.values():
@@ -177,11 +178,40 @@ class Conjunctions:
                     parts[place] = pair
                     parts.remove(best[1])
 
+    def _join_companions(
+        self, wanted: dict[tuple[Node, ...], list[Node]]
+    ) -> dict[tuple[Node, ...], list[Node]]:
+        """Join conditions that are always together, so that pairs need not be counted for each of them."""
+        homes: dict[Node, list[int]] = {}
+        for number, parts in enumerate(wanted.values()):
+            for part in parts:
+                homes.setdefault(part, []).append(number)
+        groups: dict[tuple[tuple[int, ...], frozenset[Node]], list[Node]] = {}
+        for part, numbers in homes.items():
+            groups.setdefault((tuple(numbers), part.free), []).append(part)
+        joined = {part: group for (numbers, _), group in groups.items() if len(numbers) > 1 for part in group}
+        made = {id(group): self._tree(group) for group in joined.values()}
+        return {
+            key: list(dict.fromkeys(made[id(joined[part])] if part in joined else part for part in parts))
+            for key, parts in wanted.items()
+        }
+
     def _pair_up(self, parts: list[Node]) -> Node:
-        result, *others = sorted(parts, key=lambda part: len(part.free))
+        """Return the node of a conjunction; conditions of the same loops are joined first."""
+        groups: dict[frozenset[Node], list[Node]] = {}
+        for part in sorted(parts, key=lambda part: len(part.free)):
+            groups.setdefault(part.free, []).append(part)
+        result, *others = (self._tree(group) for group in groups.values())
         for other in others:
             result = self._both(result, other)
         return result
+
+    def _tree(self, parts: list[Node]) -> Node:
+        """Return the node of a conjunction, as a tree whose depth grows with the logarithm of its size."""
+        while len(parts) > 1:
+            pairs = [parts[start : start + 2] for start in range(0, len(parts), 2)]
+            parts = [self._both(*pair) if len(pair) == 2 else pair[0] for pair in pairs]
+        return parts[0]
 
     def _both(self, left: Node, right: Node) -> Node:
         return self._pool.make("both", "bool", (left, right))

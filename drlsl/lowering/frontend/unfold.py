@@ -73,6 +73,8 @@ from drlsl.lowering.ir import (
 Continue = Callable[[], Tree]
 
 _MOST_LEAVES: Final = 2000
+_LEAVES_OF_A_CLAUSE: Final = 20
+"""Alternatives by which each clause of the program raises the limit of `_MOST_LEAVES`."""
 _MOST_CALLS: Final = 60
 _DEEP: Final = 20_000
 
@@ -132,6 +134,8 @@ class Unfolder:
         self._known: dict[Any, Tree] = {}
         self._under_way: list[Any] = []
         self._leaves = 0
+        clauses = sum(len(predicate.clauses) for predicate in program.predicates.values())
+        self._most_leaves = _MOST_LEAVES + _LEAVES_OF_A_CLAUSE * clauses
         self._in_library = False  # whether the current goal is in a clause of the library
 
     # ---------------------------------------------------------------- failing to lower
@@ -550,8 +554,8 @@ class Unfolder:
         """Return the tree with that of `then` in place of each solution."""
         if isinstance(tree, Emit):
             self._leaves += 1
-            if self._leaves > _MOST_LEAVES:
-                self.refuse(f"it has more than {_MOST_LEAVES} alternatives")
+            if self._leaves > self._most_leaves:
+                self.refuse(f"with it the program has more than {self._most_leaves} alternatives")
             return self._bound_terms(args, tree.terms, then)
         if isinstance(tree, Guard):
             return guard(tree.cond, self.splice(tree.body, args, then))
