@@ -1,4 +1,4 @@
-"""What is measured: DRLSL as a checkout has it, or as a wheel that is installed for the purpose."""
+"""Versions to measure: DRLSL as a checkout has it, or as a wheel that is installed for the purpose."""
 
 from __future__ import annotations
 
