@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import math
+import struct
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -18,8 +20,9 @@ from hypothesis import strategies as st
 from drlsl.driving import shield
 from drlsl.driving.scene import EGO, SCHEMA, Scene, Vehicle
 from drlsl.driving.shield import query_of
-from drlsl.lowering.backends import Floats1, Rows, compile_numba, compile_numpy
+from drlsl.lowering.backends import Floats1, Rows, compile_numba, compile_numpy, numba_compile
 from drlsl.lowering.backends.batch_program import BatchResult
+from drlsl.lowering.backends.loop_ops import CALLED
 from drlsl.lowering.backends.numba_backend import NumbaProgram
 from drlsl.lowering.backends.numba_compile import compiled_function
 from drlsl.lowering.frontend import Lowered, Query, lower
@@ -30,7 +33,7 @@ from tests.lowering.test_rules import PROGRAMS, engine, facts
 from tests.lowering.tiers import Facts, array_value, ask, columns_of, expected_value, to_rows
 from tests.scenes import road, scenes
 
-pytest.importorskip("numba", reason="Numba is not installed")
+numba = pytest.importorskip("numba", reason="Numba is not installed")
 
 ACTIONS = query_of(shield.ACTIONS)
 DRIVING = tuple(
@@ -65,6 +68,25 @@ def assert_same(one: BatchResult[Any], other: BatchResult[Any]) -> None:
         assert np.array_equal(left.fails | one.undecided, right.fails | one.undecided)
         there = ~(left.fails | one.undecided)
         assert np.array_equal(left.value[there], right.value[there])
+
+
+SPECIAL = (0.0, -0.0, 1.0, -1.0, 1e-310, 1e308, math.inf, -math.inf, math.nan, 0, 1, -7, 2**61)
+
+
+@pytest.mark.parametrize("name", ["lesser", "greater", "quotient", "choose"])
+def test_operations_written_as_instructions_are_the_functions_of_their_names(name: str) -> None:
+    numba_compile._make_known()
+    function = CALLED[name]
+    conds = [(True,), (False,)] if name == "choose" else [()]
+    machine = numba.njit(lambda *args: function(*args), error_model="numpy")
+    for args in ((*cond, one, other) for cond in conds for one in SPECIAL for other in SPECIAL):
+        found, expected = machine(*args), function(*args)
+        if name != "quotient" and isinstance(args[-1], int) and isinstance(args[-2], int):
+            assert type(found) is int
+        # a number of either type becomes a float
+        assert struct.pack("d", found) == struct.pack("d", expected) or (
+            found != found and expected != expected
+        )
 
 
 def crowd(count: int, *, spread: float = 3.0, on: int = 3) -> Scene:

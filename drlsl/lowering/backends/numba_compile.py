@@ -27,9 +27,10 @@ from numba.extending import overload, register_jitable
 
 from drlsl.files import written_whole
 from drlsl.logic.core import NODES, Operation
-from drlsl.lowering.backends import loop_ops
+from drlsl.lowering.backends import loop_ops, numba_operations
 from drlsl.lowering.backends.array_loops import ArrayLoopPrinter, Kind, Parameter
 from drlsl.lowering.backends.loop_ops import CALLED, LIBRARY, OPS
+from drlsl.lowering.backends.numba_operations import make_operations_known
 
 _LOG: Final = logging.getLogger(__name__)
 _TYPES: Final[dict[Kind, Any]] = {"bool": types.boolean, "int": types.int64, "float": types.float64}
@@ -72,7 +73,7 @@ def compiled(printer: ArrayLoopPrinter, folder: Path | None) -> Callable[..., bo
         ),
         *(_type(parameter, readonly=False) for parameter in printer.results),
     )
-    files = str(loop_ops.__file__), inspect.getfile(NODES["round"].compute)
+    files = str(loop_ops.__file__), str(numba_operations.__file__), inspect.getfile(NODES["round"].compute)
     uses = [Path(file).read_text(encoding="utf-8") for file in files]
     return _kept_or_compiled(_Text("rules", text, "answer", CALLED, uses), signature, folder)
 
@@ -253,8 +254,10 @@ def _make_known() -> Sequence[Any]:
     The functions of the C library are called through Python: compilers know some of them too well, and
     replace them by others that differ in the last bit.
     """
+    written = make_operations_known()
     for function in OPS.values():
-        register_jitable(function)
+        if function not in written:
+            register_jitable(function)
     return [_make_library_known(name, row) for name, row in LIBRARY.items()]
 
 
