@@ -5,7 +5,7 @@ layout that ROOT does not have yet; 60 take 5 GB. Each is a row of bundled recor
 moments drawn by its number: where two meet, vehicles vanish and others appear.
 
 `python scripts/large_data_set.py measure ROOT [--against CHECKOUT]` loads ROOT, then prints what a process
-that starts to train on it needs, and the speed of 256 environments beside that on one of its recordings, for
+that starts to train on it needs up to its first step, and the speed of 256 environments beside that on one of its recordings, for
 this checkout and for another one. The first load of a checkout takes minutes; its cache is ROOT/cache-NAME.
 Memory is what no other process shares: anonymous pages, in /proc/PID/smaps_rollup (Linux).
 """
@@ -54,7 +54,8 @@ def train(name):
     config = make_config(values, "train")
     told = Trainer(make_training_env(config), config).run()
     next(iter(told))
-    return {"start_s": time.time() - begun, "private_gb": private(), "most_resident_gb": peak()}
+    wall, cpu = time.time() - begun, time.process_time()
+    return {"start_s": wall, "start_cpu_s": cpu, "private_gb": private(), "most_resident_gb": peak()}
 
 def speed(names):
     from drlsl.driving import EnvConfig

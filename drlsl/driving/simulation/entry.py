@@ -14,7 +14,7 @@ from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.driving.simulation.playback import Playback
 from drlsl.errors import UserError
-from drlsl.traffic import LANE, RAMP_LIMIT, UNIT, Floats, Integers, Lane
+from drlsl.traffic import LANE, RAMP_LIMIT, UNIT, Floats, Integers, Lane, Mask
 
 OFFSET: Final = 60.0
 """Least distance of an entry from the beginning of the stretch [m], so that the ego sees its follower."""
@@ -100,6 +100,16 @@ def _zone(playback: Playback) -> tuple[float, float]:
     return begin, min(begin + ZONE, playback.length / 2)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _There:
+    """The vehicles in some frames of a film: `numbers` (6, F, S), the rest of shape (F, S)."""
+
+    numbers: Floats
+    vehicle: Integers
+    lane: Integers
+    valid: Mask
+
+
 class Entries:
     """The places early in a playback's stretch, and the frames in which the rules call them safe to enter.
 
@@ -141,7 +151,9 @@ class Entries:
         for start in range(frame, frame + playback.frames, self._step):
             at = start % playback.frames
             if at not in self._known:
-                self._ask([later % playback.frames for later in self._searched(start)])
+                # Most frames have a safe place: ask about more only if the first one has none.
+                ahead = range(start, start + (1 if start == frame else AHEAD) * self._step, self._step)
+                self._ask([later % playback.frames for later in ahead])
             safe, speed = self._known[at]
             choices = np.arange(len(safe))
             if lane is not None and (preferred := np.flatnonzero(self._lane_id[safe] == lane.id)).size:
@@ -156,58 +168,56 @@ class Entries:
             "traffic; use a recording with less traffic or rules that ask for less room"
         )
 
-    def _searched(self, start: int) -> range:
-        """Return the frames that are asked about at once, the first of them `start`."""
-        return range(start, start + AHEAD * self._step, self._step)
-
     def _ask(self, wanted: Sequence[int]) -> None:
         """Query the rules about some frames."""
         frames = np.unique([frame for frame in wanted if frame not in self._known])
-        speed = self._traffic_speed(frames)
-        safe = np.array(self._shield.entries_are_safe(self._scenes(frames, speed))).reshape(speed.shape)
+        film = self._playback.film
+        there = _There(film.numbers(frames), film.vehicle(frames), film.lane(frames), film.valid(frames))
+        speed = self._traffic_speed(there)
+        safe = np.array(self._shield.entries_are_safe(self._scenes(there, speed))).reshape(speed.shape)
         for frame, here, speeds in zip(frames.tolist(), safe, speed, strict=True):
             places = here.nonzero()[0]
             self._known[frame] = places, speeds[places]
         while len(self._known) > max(self._kept, len(frames)):
             del self._known[next(iter(self._known))]
 
-    def _traffic_speed(self, frames: Integers) -> Floats:
+    def _traffic_speed(self, there: _There) -> Floats:
         """Return the mean speed of the nearest leader and follower, at most the limit; the limit if alone.
 
         Of shape (F, P).
         """
-        film, sign = self._playback.film, self._playback.sign
-        x, _, vx, *_ = film.numbers(frames)
+        sign = self._playback.sign
+        x, _, vx, *_ = there.numbers
         offset = sign * (x[:, None, :] - self._x[:, None])
-        seen = film.valid(frames)[:, None, :] & (film.lane(frames)[:, None, :] == self._lane_id[:, None])
+        seen = there.valid[:, None, :] & (there.lane[:, None, :] == self._lane_id[:, None])
         seen &= np.abs(offset) <= self._playback.road.radar_range
         speed = sign * vx
         total, found = np.zeros(offset.shape[:2]), np.zeros(offset.shape[:2])
         for side in (seen & (offset >= 0), seen & (offset < 0)):
             nearest = np.where(side, np.abs(offset), np.inf).argmin(axis=2)
-            there = side.any(axis=2)
-            total += np.where(there, np.take_along_axis(speed, nearest, axis=1), 0.0)
-            found += there
+            any_there = side.any(axis=2)
+            total += np.where(any_there, np.take_along_axis(speed, nearest, axis=1), 0.0)
+            found += any_there
         mean = np.where(found > 0, total / np.maximum(found, 1.0), self._limit)
         return np.asarray(np.minimum(np.maximum(mean, 0.0), self._limit))
 
-    def _scenes(self, frames: Integers, speed: Floats) -> SceneBatch:
+    def _scenes(self, there: _There, speed: Floats) -> SceneBatch:
         """Return the scenes with the ego at every place in some frames, at `speed`, shape (F, P)."""
-        playback, film, count = self._playback, self._playback.film, len(frames)
-        rows = np.repeat(frames, len(self._x))
-        numbers, vehicle, lane = film.numbers(rows), film.vehicle(rows), film.lane(rows)
+        playback, (count, places) = self._playback, speed.shape
+        numbers = np.repeat(there.numbers, places, axis=1)
+        vehicle, lane = np.repeat(there.vehicle, places, axis=0), np.repeat(there.lane, places, axis=0)
         x, y = np.tile(self._x, count), np.tile(self._centre, count)
         own: list[Floats | float] = [x, y, playback.sign * speed.ravel(), 0.0, *self._size]
         for column, value in zip(numbers, own, strict=True):
             column[:, 0] = value
         vehicle[:, 0], lane[:, 0] = EGO_ID, np.tile(self._lane_id, count)
         dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
-        valid = film.valid(rows) & (dx * dx + dy * dy <= playback.road.radar_range**2)
+        valid = np.repeat(there.valid, places, axis=0) & (dx * dx + dy * dy <= playback.road.radar_range**2)
         valid[:, 0] = True
         return SceneBatch.from_numbers(
             numbers,
             roads=(playback.road,),
-            road=np.zeros(len(rows), dtype=np.int64),
+            road=np.zeros(count * places, dtype=np.int64),
             target_lane=lane[:, 0],
             id=vehicle,
             lane=lane,
