@@ -5,9 +5,10 @@ layout that ROOT does not have yet; 60 take 5 GB. Each is a row of bundled recor
 moments drawn by its number: where two meet, vehicles vanish and others appear.
 
 `python scripts/large_data_set.py measure ROOT [--against CHECKOUT]` loads ROOT, then prints what a process
-that starts to train on it needs up to its first step, and the speed of 256 environments beside that on one of its recordings, for
-this checkout and for another one. The first load of a checkout takes minutes; its cache is ROOT/cache-NAME.
-Memory is what no other process shares: anonymous pages, in /proc/PID/smaps_rollup (Linux).
+that starts to train on it needs up to its first step, and the speed of 256 environments beside that on one of
+its recordings, for this checkout and for another one. The first load of a checkout takes minutes; its cache
+is ROOT/cache-NAME. Seconds and processor seconds are told, since a busy machine lengthens the former. Memory
+is what no other process shares: anonymous pages, in /proc/PID/smaps_rollup (Linux).
 """
 
 from __future__ import annotations

@@ -38,9 +38,6 @@ HEAD = 64
 ARRAYS = ("motion", "piece", "pieces")
 """The arrays of a film, in the order of the file."""
 
-CHUNK = 1 << 24
-"""Bytes that are added up at once."""
-
 BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)
 """Exceptions of reading a damaged cache file."""
 
@@ -91,7 +88,8 @@ def write_cached(source: Source, recording: Recording) -> None:
             np.save(file, np.frombuffer(facts, dtype=np.uint8))
             for name in ARRAYS:
                 np.save(file, getattr(recording.film, name))
-            file.seek(HEAD)
+            file.write(bytes((HEAD - file.tell()) % SUM))
+            file.flush()
             checksum = _checksum(file)
             file.seek(0)
             file.write(checksum)
@@ -113,12 +111,12 @@ def _mapped(file: IO[bytes]) -> npt.NDArray[np.int32]:
 
 
 def _checksum(file: IO[bytes]) -> bytes:
-    """Return the sum of all following words of 64 bits; CRC-32 would take longer than loading."""
-    total = 0
-    while piece := file.read(CHUNK):
-        words = np.frombuffer(piece.ljust(-(-len(piece) // SUM) * SUM, b"\0"), dtype="<u8")
-        total += int(np.add.reduce(words))
-    return (total % 2**64).to_bytes(SUM, "little")
+    """Return the sum of all words of 64 bits behind the head; CRC-32 would take longer than loading.
+
+    They are read in memory: copies of them would take longer, too.
+    """
+    words = np.asarray(np.memmap(file, "<u8", "r", HEAD))
+    return int(np.add.reduce(words)).to_bytes(SUM, "little")
 
 
 def _cache_file(source: Source) -> Path:
