@@ -187,6 +187,10 @@ def test_a_query_stays_light() -> None:
     assert loaded.isdisjoint({"torch", "pandas", "matplotlib", "gymnasium", "numpy"})
 
 
+def test_training_begins_without_the_libraries_of_its_figures() -> None:
+    assert loaded_by("import drlsl.learning.session").isdisjoint({"pandas", "matplotlib"})
+
+
 def test_a_query_imports_no_other_command_and_no_compiler() -> None:
     scene = ROOT / "examples" / "scene.json"
     code = f"from drlsl.cli import run; assert run(['query', '--state', {str(scene)!r}]) == 0"

@@ -1,15 +1,19 @@
 """The training figures: each reward term per episode, with its moving average."""
 
+from __future__ import annotations
+
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from drlsl.files import write_atomic
+
+if TYPE_CHECKING:  # training begins without it
+    import pandas as pd
 
 WINDOW = 20
 """Episodes of the moving average."""
@@ -47,7 +51,9 @@ def write_training_figures(runs: Mapping[str, pd.DataFrame], folder: Path) -> li
     return paths
 
 
-def _png(series: Mapping[str, "pd.Series[float]"], title: str) -> bytes:
+def _png(series: Mapping[str, pd.Series[float]], title: str) -> bytes:
+    from matplotlib.figure import Figure  # takes longer to load than training to begin
+
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     for index, (name, values) in enumerate(series.items()):

@@ -1,5 +1,7 @@
 """The folder of a training run: its files, written whole and kept consistent."""
 
+from __future__ import annotations
+
 import csv
 import dataclasses
 import hashlib
@@ -11,8 +13,6 @@ import tempfile
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
-
-import pandas as pd
 
 from drlsl.errors import UserError
 from drlsl.files import (
@@ -28,6 +28,8 @@ from drlsl.learning.config import TrainConfig, dump_yaml, load_config
 from drlsl.learning.episode import EpisodeSummary
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from drlsl.learning.trainer import EpisodeEvent
 
 CONFIG, METRICS, CHECKPOINT = "config.yaml", "metrics.csv", "checkpoint.pt"
@@ -156,7 +158,7 @@ class RunFolder:
         """The folder of the event files for TensorBoard."""
         return self.root / TENSORBOARD
 
-    def append_metrics(self, event: "EpisodeEvent") -> dict[str, Any]:
+    def append_metrics(self, event: EpisodeEvent) -> dict[str, Any]:
         """Add an episode's row, and return it; floats are written so that they read back bit for bit.
 
         Raises:
@@ -217,6 +219,8 @@ class RunFolder:
         Raises:
             UserError: the file is missing, or is not the metrics of a run, or not those of that checksum.
         """
+        import pandas as pd  # training begins without it
+
         path = self.root / METRICS
         try:
             content = path.read_bytes()
