@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import re
 import warnings
@@ -54,14 +55,15 @@ def read_cached(source: Source) -> Recording | None:
     try:
         with open(path, "rb") as file:
             known = file.read(HEAD)[:SUM]
+            content = np.asarray(np.memmap(file, np.uint8, "r"))
             # Check before use: the layout of the arrays is read from the same file.
-            if known != _checksum(file):
+            if known != _checksum(content):
                 raise ValueError("the checksum is wrong")
             file.seek(HEAD)
             facts = json.loads(np.load(file, allow_pickle=False).tobytes())
             if facts["fingerprint"] != _fingerprint(source):
                 return None
-            film = Film(*(_mapped(file) for _ in ARRAYS))
+            film = Film(*(_mapped(file, content) for _ in ARRAYS))
         with suppress(OSError):
             os.utime(path)  # the time of its last use, by which `make_room` chooses
         return recording_from(facts, film)
@@ -90,33 +92,31 @@ def write_cached(source: Source, recording: Recording) -> None:
                 np.save(file, getattr(recording.film, name))
             file.write(bytes((HEAD - file.tell()) % SUM))
             file.flush()
-            checksum = _checksum(file)
+            checksum = _checksum(np.asarray(np.memmap(file, np.uint8, "r")))
             file.seek(0)
             file.write(checksum)
     except OSError as error:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
 
 
-def _mapped(file: IO[bytes]) -> npt.NDArray[np.int32]:
-    """Return the array that begins where the file stands, mapped into memory, and move on behind it."""
+def _mapped(file: IO[bytes], content: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
+    """Return the array of the file's `content` that begins where the file stands, and move on behind it."""
     if np.lib.format.read_magic(file) != (1, 0):
         raise ValueError("an array of another version")
     shape, _, kind = np.lib.format.read_array_header_1_0(file)
-    begin = file.tell()
+    begin, size = file.tell(), math.prod(shape) * kind.itemsize
     if begin % kind.itemsize:
         raise ValueError("an array does not begin at a number")
-    array = np.memmap(file, kind, "r", begin, shape)
-    file.seek(begin + array.nbytes)
-    return np.asarray(array)
+    file.seek(begin + size)
+    return content[begin : begin + size].view(kind).reshape(shape)
 
 
-def _checksum(file: IO[bytes]) -> bytes:
+def _checksum(content: npt.NDArray[np.uint8]) -> bytes:
     """Return the sum of all words of 64 bits behind the head; CRC-32 would take longer than loading.
 
-    They are read in memory: copies of them would take longer, too.
+    That maps all pages, too, so that driving does not stop for them.
     """
-    words = np.asarray(np.memmap(file, "<u8", "r", HEAD))
-    return int(np.add.reduce(words)).to_bytes(SUM, "little")
+    return int(np.add.reduce(content[HEAD:].view("<u8"))).to_bytes(SUM, "little")
 
 
 def _cache_file(source: Source) -> Path:

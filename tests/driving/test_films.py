@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drlsl.driving.simulation.films import Films, spanned
-from drlsl.traffic import Film, load_recording
+from drlsl.traffic import LANE, LENGTH, UNIT, VEHICLE, Film, load_recording
 from tests.driving.recordings import Drive, recording
 
 
@@ -48,10 +48,10 @@ def test_every_ego_reads_its_own_film(three: list[Film], copied: bool) -> None:
             own, slots = pieces[ego], film.slots
             assert np.array_equal(valid[ego, :slots], film.valid(row)[0])
             assert not valid[ego, slots:].any()
-            assert np.array_equal(films.whole[own, 0][:slots], film.vehicle(row)[0])
-            assert (films.whole[own, 0][slots:] == -1).all()
-            assert np.array_equal(films.whole[own, 1][:slots], film.lane(row)[0])
-            assert np.array_equal(films.size[own].T[:, :slots], film.numbers(row)[4:, 0])
+            assert np.array_equal(films.table[own, VEHICLE][:slots], film.vehicle(row)[0])
+            assert (films.table[own, VEHICLE][slots:] == -1).all()
+            assert np.array_equal(films.table[own, LANE][:slots], film.lane(row)[0])
+            assert np.array_equal(films.table[own][:slots, LENGTH:].T * UNIT, film.numbers(row)[4:, 0])
         slot = np.array([rng.integers(film.slots) for film in three])
         for column in range(4):
             here = films.motion_of(reels, column, frame, slot)

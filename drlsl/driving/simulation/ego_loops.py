@@ -12,8 +12,18 @@ from typing import Final
 from drlsl.driving.scene import CENTRE_TOLERANCE
 from drlsl.driving.simulation.controllers import lane_control, move, move_forward, speed_control
 from drlsl.driving.simulation.reward import reward_term
-from drlsl.lowering.backends import Floats1, Floats2, Floats3, Integers1, Integers2, Mask1, Mask2, Words1
-from drlsl.traffic import UNIT
+from drlsl.lowering.backends import (
+    Floats1,
+    Floats2,
+    Floats3,
+    Integers1,
+    Integers2,
+    Mask1,
+    Mask2,
+    Words1,
+    Words2,
+)
+from drlsl.traffic import LANE, LENGTH, UNIT, VEHICLE, WIDTH
 
 NO_ONE: Final = -1
 
@@ -167,8 +177,7 @@ def look(
     places: Integers1,
     motion: Words1,
     piece: Words1,
-    piece_whole: Integers2,
-    piece_size: Floats2,
+    table: Words2,
     x: Floats1,
     y: Floats1,
     speed: Floats1,
@@ -195,7 +204,7 @@ def look(
 ) -> bool:
     """Write the scenes around egos, shape (P, S), and which vehicles touch them; return whether any does.
 
-    `motion`, `piece`, `piece_whole` and `piece_size` are those of `Films`. `lag` and `lag_speed` (N, S) are
+    `motion`, `piece` and `table` are those of `Films`. `lag` and `lag_speed` (N, S) are
     those of traffic that reacts, or of no rows.
     """
     slots = valid.shape[1]
@@ -216,8 +225,11 @@ def look(
         for slot in range(slots):
             # Slots that a film does not have are empty, as its slot 0 is.
             at = first + (pieces[slot] if slot < own else 0)
-            vehicle[place, slot], lane[place, slot] = piece_whole[at, 0], piece_whole[at, 1]
-            numbers[4, place, slot], numbers[5, place, slot] = piece_size[at, 0], piece_size[at, 1]
+            vehicle[place, slot], lane[place, slot] = table[at, VEHICLE], table[at, LANE]
+            numbers[4, place, slot], numbers[5, place, slot] = (
+                table[at, LENGTH] * UNIT,
+                table[at, WIDTH] * UNIT,
+            )
         if len(lag) > 0:
             for slot in range(slots):
                 if lag[ego, slot] != 0.0:

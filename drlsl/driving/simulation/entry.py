@@ -12,9 +12,12 @@ import numpy as np
 from drlsl.driving.config import TRACK_LENGTH, EnvConfig
 from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
+from drlsl.driving.simulation.entry_loops import entry_scenes
+from drlsl.driving.simulation.films import Films
 from drlsl.driving.simulation.playback import Playback
 from drlsl.errors import UserError
-from drlsl.traffic import LANE, RAMP_LIMIT, UNIT, Floats, Integers, Lane, Mask
+from drlsl.lowering.backends import machine_code
+from drlsl.traffic import LANE, NUMBERS, RAMP_LIMIT, UNIT, Floats, Integers, Lane
 
 OFFSET: Final = 60.0
 """Least distance of an entry from the beginning of the stretch [m], so that the ego sees its follower."""
@@ -100,16 +103,6 @@ def _zone(playback: Playback) -> tuple[float, float]:
     return begin, min(begin + ZONE, playback.length / 2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _There:
-    """The vehicles in some frames of a film: `numbers` (6, F, S), the rest of shape (F, S)."""
-
-    numbers: Floats
-    vehicle: Integers
-    lane: Integers
-    valid: Mask
-
-
 class Entries:
     """The places early in a playback's stretch, and the frames in which the rules call them safe to enter.
 
@@ -137,6 +130,7 @@ class Entries:
         fastest = np.inf if playback.ramp is None else RAMP_LIMIT
         self._limit = np.array([min(lane.speed_limit, fastest) for lane in self._lanes])[self._lane]
         self._x = np.tile(playback.at(along), len(self._lanes))
+        self._films = Films([playback.film])
         self._kept = kept
         self._known: dict[int, tuple[Integers, Floats]] = {}
         """By frame: the places that are safe, and the speed [m/s] in each."""
@@ -155,14 +149,13 @@ class Entries:
                 ahead = range(start, start + (1 if start == frame else AHEAD) * self._step, self._step)
                 self._ask([later % playback.frames for later in ahead])
             safe, speed = self._known[at]
-            choices = np.arange(len(safe))
-            if lane is not None and (preferred := np.flatnonzero(self._lane_id[safe] == lane.id)).size:
-                choices = preferred
-            if choices.size:
-                chosen = int(choices[rng.integers(choices.size)])
+            preferred = () if lane is None else np.flatnonzero(self._lane_id[safe] == lane.id)
+            if len(preferred) or len(safe):
+                drawn = int(rng.integers(len(preferred) or len(safe)))
+                chosen = int(preferred[drawn]) if len(preferred) else drawn
                 place = int(safe[chosen])
-                lane = self._lanes[int(self._lane[place])]
-                return Entry(at, lane, float(self._x[place]), float(speed[chosen]))
+                found = self._lanes[int(self._lane[place])]
+                return Entry(at, found, float(self._x[place]), float(speed[chosen]))
         raise UserError(
             f"no gap that the rules call safe in {playback.frames} frames of {playback.direction.value} "
             "traffic; use a recording with less traffic or rules that ask for less room"
@@ -170,56 +163,48 @@ class Entries:
 
     def _ask(self, wanted: Sequence[int]) -> None:
         """Query the rules about some frames."""
-        frames = np.unique([frame for frame in wanted if frame not in self._known])
-        film = self._playback.film
-        there = _There(film.numbers(frames), film.vehicle(frames), film.lane(frames), film.valid(frames))
-        speed = self._traffic_speed(there)
-        safe = np.array(self._shield.entries_are_safe(self._scenes(there, speed))).reshape(speed.shape)
+        frames = np.array(sorted({frame for frame in wanted if frame not in self._known}))
+        scenes, speed = self._scenes(frames)
+        safe = np.array(self._shield.entries_are_safe(scenes)).reshape(speed.shape)
         for frame, here, speeds in zip(frames.tolist(), safe, speed, strict=True):
             places = here.nonzero()[0]
             self._known[frame] = places, speeds[places]
         while len(self._known) > max(self._kept, len(frames)):
             del self._known[next(iter(self._known))]
 
-    def _traffic_speed(self, there: _There) -> Floats:
-        """Return the mean speed of the nearest leader and follower, at most the limit; the limit if alone.
-
-        Of shape (F, P).
-        """
-        sign = self._playback.sign
-        x, _, vx, *_ = there.numbers
-        offset = sign * (x[:, None, :] - self._x[:, None])
-        seen = there.valid[:, None, :] & (there.lane[:, None, :] == self._lane_id[:, None])
-        seen &= np.abs(offset) <= self._playback.road.radar_range
-        speed = sign * vx
-        total, found = np.zeros(offset.shape[:2]), np.zeros(offset.shape[:2])
-        for side in (seen & (offset >= 0), seen & (offset < 0)):
-            nearest = np.where(side, np.abs(offset), np.inf).argmin(axis=2)
-            any_there = side.any(axis=2)
-            total += np.where(any_there, np.take_along_axis(speed, nearest, axis=1), 0.0)
-            found += any_there
-        mean = np.where(found > 0, total / np.maximum(found, 1.0), self._limit)
-        return np.asarray(np.minimum(np.maximum(mean, 0.0), self._limit))
-
-    def _scenes(self, there: _There, speed: Floats) -> SceneBatch:
-        """Return the scenes with the ego at every place in some frames, at `speed`, shape (F, P)."""
-        playback, (count, places) = self._playback, speed.shape
-        numbers = np.repeat(there.numbers, places, axis=1)
-        vehicle, lane = np.repeat(there.vehicle, places, axis=0), np.repeat(there.lane, places, axis=0)
-        x, y = np.tile(self._x, count), np.tile(self._centre, count)
-        own: list[Floats | float] = [x, y, playback.sign * speed.ravel(), 0.0, *self._size]
-        for column, value in zip(numbers, own, strict=True):
-            column[:, 0] = value
-        vehicle[:, 0], lane[:, 0] = EGO_ID, np.tile(self._lane_id, count)
-        dx, dy = numbers[0] - x[:, None], numbers[1] - y[:, None]
-        valid = np.repeat(there.valid, places, axis=0) & (dx * dx + dy * dy <= playback.road.radar_range**2)
-        valid[:, 0] = True
-        return SceneBatch.from_numbers(
+    def _scenes(self, frames: Integers) -> tuple[SceneBatch, Floats]:
+        """Return the scenes with the ego at every place in some frames, and its speed there, shape (F, P)."""
+        films, road = self._films, self._playback.road
+        shape = len(frames) * len(self._x), films.slots
+        numbers, whole = np.empty((len(NUMBERS), *shape)), np.empty((2, *shape), dtype=np.int64)
+        (vehicle, lane), valid = whole, np.empty(shape, dtype=np.bool_)
+        speed = np.empty(shape[0])
+        machine_code(entry_scenes)(
+            frames,
+            films.motion,
+            films.piece,
+            films.table,
+            self._x,
+            self._centre,
+            self._lane_id,
+            self._limit,
+            float(self._playback.sign),
+            road.radar_range,
+            EGO_ID,
+            *self._size,
             numbers,
-            roads=(playback.road,),
-            road=np.zeros(count * places, dtype=np.int64),
+            vehicle,
+            lane,
+            valid,
+            speed,
+        )
+        scenes = SceneBatch.from_numbers(
+            numbers,
+            roads=(road,),
+            road=np.zeros(shape[0], dtype=np.int64),
             target_lane=lane[:, 0],
             id=vehicle,
             lane=lane,
             valid=valid,
         )
+        return scenes, speed.reshape(len(frames), -1)

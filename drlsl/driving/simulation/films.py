@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.traffic import FIRST, LENGTH, UNIT, Film, Floats, Integers, Mask
+from drlsl.traffic import UNIT, Film, Floats, Integers, Mask
 
 WORD: Final = 4
 """Bytes of a number of a film."""
@@ -21,7 +21,7 @@ class Reels:
     """The places of N egos' films in `Films`: arrays of shape (N,).
 
     `motion_begin`, `piece_begin`: the places in `motion` and in `piece` where the film begins; `first_piece`:
-    the row in `whole`, `first` and `size` where its pieces begin; `frames` and `slots`, how many it has.
+    the row of `table` where its pieces begin; `frames` and `slots`, how many it has.
     """
 
     motion_begin: Integers
@@ -35,8 +35,7 @@ class Films:
     """Films where they lie in memory, none of them copied.
 
     `slots`: the most slots of a film; where a film has fewer, the others are empty. `motion` and `piece` are
-    the films' arrays as arrays of one axis. Of each piece of any film: `whole` (P, 2), vehicle and lane;
-    `first` (P,), the first frame of the track; `size` (P, 2), length and width [m].
+    the films' arrays as arrays of one axis; `table` (P, 5), the pieces of all films, as in `Film.pieces`.
     """
 
     def __init__(self, films: Sequence[Film]) -> None:
@@ -52,17 +51,14 @@ class Films:
             frames=np.array([len(film) for film in films]),
             slots=np.array([film.slots for film in films]),
         )
-        pieces = np.concatenate([film.pieces for film in films])
-        self.whole = pieces[:, :FIRST].astype(np.int64)
-        self.first = pieces[:, FIRST].astype(np.int64)
-        self.size = pieces[:, LENGTH:] * UNIT
+        self.table = np.concatenate([film.pieces for film in films])
 
     def __reduce__(self) -> tuple[type[Films], tuple[tuple[Film, ...]]]:
         """Return how to make the films again elsewhere: `motion` and `piece` span memory of this process."""
         return Films, (self._films,)
 
     def pieces(self, reels: Reels, frame: Integers) -> Integers:
-        """Return the rows of `whole`, `first` and `size` in a `frame` (N,) each; shape (N, S)."""
+        """Return the rows of `table` in a `frame` (N,) each; shape (N, S)."""
         column = np.arange(self.slots)
         # Slot 0 of every film is empty, as those are that a film does not have.
         column = np.where(column < reels.slots[:, None], column, 0)
@@ -76,7 +72,7 @@ class Films:
         return there
 
     def piece_of(self, reels: Reels, frame: Integers, slot: Integers) -> Integers:
-        """Return the row of `whole`, `first` and `size` in a `frame` and `slot` (N,) each."""
+        """Return the row of `table` in a `frame` and `slot` (N,) each."""
         row = np.minimum(frame, reels.frames - 1)
         found: Integers = self.piece[reels.piece_begin + row * reels.slots + slot] + reels.first_piece
         return found

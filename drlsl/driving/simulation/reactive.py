@@ -20,7 +20,7 @@ from drlsl.driving.simulation.fault import Track
 from drlsl.driving.simulation.films import Films
 from drlsl.driving.simulation.idm import COMFORTABLE_BRAKING, free_acceleration, idm_acceleration
 from drlsl.driving.simulation.playback import Courses
-from drlsl.traffic import Floats, Integers, Mask
+from drlsl.traffic import FIRST, Floats, Integers, Mask
 
 SIDE_ROOM: Final = 0.5
 """Sideways room [m] below which a vehicle ahead is in the way."""
@@ -149,7 +149,7 @@ class ReactiveTraffic:
         behind = lag + recorded_way - (speed + new) / 2 * dt
         back = (behind <= 0.0) & (new >= recorded_speed)
         piece = films.piece_of(own, later, slot)
-        same = (piece != own.first_piece) & (films.first[piece] < later)
+        same = (piece != own.first_piece) & (films.table[piece, FIRST] < later)
         self.lag[ego, slot] = np.where(leaves & ~back & same, np.maximum(behind, _LEAST_LAG), 0.0)
         self.speed[ego, slot] = new
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from drlsl.driving.config import SensingConfig
 from drlsl.driving.scene import SceneBatch
 from drlsl.driving.simulation.playback import Courses, Playbacks, lane_table
-from drlsl.traffic import NUMBERS, Floats, Integers, Mask
+from drlsl.traffic import FIRST, NUMBERS, Floats, Integers, Mask
 
 _SEEN: Final = (*NUMBERS, "id", "lane", "there")
 """The fields of each vehicle that are remembered for the latency."""
@@ -60,7 +60,7 @@ class Sensing:
     def perceive(self, scenes: SceneBatch, courses: Courses, frame: Integers, places: Integers) -> SceneBatch:
         """Return what the egos in `places` see in `scenes`, shape (P,), in `frame` of their courses."""
         pieces = self._films.pieces(courses, frame)
-        fresh = self._films.first.take(pieces) == frame[:, None]
+        fresh = self._films.table[:, FIRST].take(pieces) == frame[:, None]
         fresh |= self._looks[places][:, None] == 0
         self._drift(courses, fresh, places)
         self._remember(scenes, pieces != courses.first_piece[:, None], places)

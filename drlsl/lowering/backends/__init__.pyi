@@ -15,6 +15,7 @@ from .plain_functions import (
     Mask1,
     Mask2,
     Words1,
+    Words2,
     machine_code,
 )
 from .scalar import Scalar, compile_scalar, scalar_source
@@ -39,6 +40,7 @@ __all__ = [
     "Scalar",
     "TextProgram",
     "Words1",
+    "Words2",
     "c_program",
     "c_support",
     "compile_numba",

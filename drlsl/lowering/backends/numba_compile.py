@@ -44,7 +44,7 @@ _ANNOTATED: Final[dict[str, Any]] = {
         for name, kind in (("Mask", types.boolean), ("Integers", types.int64), ("Floats", types.float64))
         for axes in (1, 2, 3)
     },
-    "Words1": types.Array(types.int32, 1, "C", readonly=True),
+    **{f"Words{axes}": types.Array(types.int32, axes, "C", readonly=True) for axes in (1, 2)},
 }
 _BROKEN: Final = (
     OSError,

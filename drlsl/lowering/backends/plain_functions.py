@@ -24,13 +24,14 @@ Integers2: TypeAlias = npt.NDArray[np.int64]
 Mask1: TypeAlias = npt.NDArray[np.bool_]
 Mask2: TypeAlias = npt.NDArray[np.bool_]
 Words1: TypeAlias = npt.NDArray[np.int32]
+Words2: TypeAlias = npt.NDArray[np.int32]
 """Arrays that machine code takes, of so many axes, in C order; words may be read-only."""
 
 
 def machine_code(function: F) -> F:
     """Return a function of numbers and arrays as machine code, which gives the same results to the bit.
 
-    Its annotations say what it takes: `bool`, `int`, `float`, and `Floats1` to `Words1` for arrays. If Numba
+    Its annotations say what it takes: `bool`, `int`, `float`, and `Floats1` to `Words2` for arrays. If Numba
     does not load, the function itself is returned, and a warning is logged once.
 
     Raises:
