@@ -403,7 +403,7 @@ def spread_stress(
     it depends on `files`. The final report depends on neither the crew nor the order in which blocks end.
 
     Raises:
-        As `Crew.perform`.
+        UserError: as `Crew.perform`; or what the function raises.
     """
     blocks = [range(first, min(first + BLOCK, episodes)) for first in range(0, episodes, BLOCK)]
     few = replace(crew, jobs=min(crew.jobs, len(blocks)))
