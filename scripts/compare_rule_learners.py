@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.shield import Shield
-from drlsl.induction import Bias, Examples, Labelling, SearchProblem, cached_changes, covered, search
+from drlsl.induction import SearchProblem, covered, search
+from drlsl.induction.lane_changes import ChangeExamples, Labelling, SceneBias, cached_changes
 from drlsl.logic import Engine
 from drlsl.traffic import load_recording
 
@@ -133,9 +134,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="of the search for clauses")
     parser.add_argument("--texts", action="store_true", help="print what each learner wrote, too")
     asked = parser.parse_args()
-    bias, how = Bias("learning.pl"), Labelling(changes=asked.changes)
+    bias, how = SceneBias("learning.pl"), Labelling(changes=asked.changes)
     parts = [
-        Examples(bias, [cached_changes(how, "learning.pl", load_recording(name)) for name in names])
+        ChangeExamples(bias, [cached_changes(how, "learning.pl", load_recording(name)) for name in names])
         for names in (asked.train, asked.test)
     ]
     train, test = parts
@@ -175,15 +176,15 @@ def main() -> None:
         print("\n\n".join(["", *texts]))
 
 
-def _offered(shield: Shield, examples: Examples) -> Mask:
+def _offered(shield: Shield, examples: ChangeExamples) -> Mask:
     """Return which of the lane changes a shield offers."""
     mask = shield.decide_batch(examples.scenes).action_mask
-    return np.asarray(mask[np.arange(len(mask)), 1 + examples.side])
+    return np.asarray(mask[np.arange(len(mask)), 1 + examples.choice])
 
 
-def _numbers(bias: Bias, examples: Examples) -> Rows:
+def _numbers(bias: SceneBias, examples: ChangeExamples) -> Rows:
     """Return the quantities as numbers, those that concern no vehicle as easy as none else."""
-    values: Any = bias.values(examples.scenes)[np.arange(len(examples.side)), examples.side]
+    values: Any = bias.values(examples.scenes)[np.arange(len(examples.choice)), examples.choice]
     easy = np.array([NOBODY if one.more else -NOBODY for one in bias.quantities])
     return np.asarray(np.where(np.isnan(values), easy, values))
 

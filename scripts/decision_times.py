@@ -21,7 +21,12 @@ import numpy as np
 
 from drlsl.lowering import Rows
 from drlsl.shield import ActionRules, Facts
-from drlsl.shield.environments.straight_road import RULES, SCHEMA, shield_straight_road, straight_road_facts
+from drlsl.shield.environments.straight_road import (
+    ROAD_SCHEMA,
+    RULES,
+    shield_straight_road,
+    straight_road_facts,
+)
 
 BATCH: Final = 100
 REPETITIONS: Final = 7
@@ -44,7 +49,7 @@ def states(count: int) -> tuple[list[Any], list[str]]:
 def in_arrays(rules: ActionRules, facts: Sequence[Facts]) -> dict[tuple[str, int], Rows]:
     """Return the facts of many states as arrays."""
     result = {}
-    for key, relation in SCHEMA.relations.items():
+    for key, relation in ROAD_SCHEMA.relations.items():
         rows = [list(each[key]) for each in facts]
         valid = np.array([[place < len(each) for place in range(max(map(len, rows)))] for each in rows])
         columns = []
@@ -74,7 +79,7 @@ def main() -> None:
     count = parser.parse_args().states
     worlds, actions = states(count)
     one, many = (
-        ActionRules(RULES, actions, fallback="slower", tier=tier, schema=SCHEMA)
+        ActionRules(RULES, actions, fallback="slower", tier=tier, schema=ROAD_SCHEMA)
         for tier in ("scalar", "numba")
     )
     facts = [straight_road_facts(world) for world in worlds]

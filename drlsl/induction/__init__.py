@@ -1,4 +1,4 @@
-"""Rules for lane changes, learnt from driving: labels by simulation, an exact search, and a file to sign."""
+"""Rules learnt from examples: quantities, an exact search, the loop, and a file to sign."""
 
 import lazy_loader
 

@@ -73,7 +73,7 @@ def search(problem: SearchProblem, *, clauses: int, literals: int, seconds: floa
     chosen = one_by_one.choices(clauses)
     if not problem.safe_count - problem.contradicted:
         raise UserError(
-            f"no safe lane change can be offered: each of the {problem.safe_count} is at most as easy, on "
+            f"no safe example can be offered: each of the {problem.safe_count} is at most as easy, on "
             "every quantity, as an unsafe one; see whether the declared directions, more and less, are right"
         )
     if not chosen and not one_by_one.exhaustive:
@@ -81,7 +81,7 @@ def search(problem: SearchProblem, *, clauses: int, literals: int, seconds: floa
     if not chosen:
         raise UserError(
             f"no clause of {literals} literal{'s' * (literals > 1)} leaves out all {problem.unsafe_count} "
-            "unsafe lane changes and offers a safe one; allow more with --literals, or declare other "
+            "unsafe examples and offers a safe one; allow more with --literals, or declare other "
             "quantities"
         )
     optimal = one_by_one.exhaustive and clauses == 1

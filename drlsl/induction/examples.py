@@ -1,44 +1,46 @@
-"""All examples of a search: labelled lane changes of several origins, and the eases of their quantities."""
+"""The examples of a search: what was chosen where, whether it was unsafe, and the eases of its quantities."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from drlsl.driving.scene import SceneBatch
-from drlsl.induction.bias import Bias
-from drlsl.induction.labelled_changes import Changes, joined_scenes
-from drlsl.traffic import Integers, Mask
+from drlsl.induction.quantities import Bias
+from drlsl.traffic import Floats, Integers, Mask
 
 
 class Examples:
-    """The lane changes of several lists, one after another: `eases` (N, Q), `unsafe` (N,), `origin` (N,)."""
+    """N choices, one after another: `eases` (N, Q), `unsafe` (N,), `choice` (N,), `origin` (N,).
 
-    def __init__(self, bias: Bias, parts: Sequence[Changes]) -> None:
-        """Evaluate the quantities of `bias` in every scene.
+    `choice` indexes the choices of `bias`; `origin` says where each was found.
+    """
+
+    def __init__(
+        self, bias: Bias, values: Floats, choice: Integers, unsafe: Mask, origin: Sequence[str]
+    ) -> None:
+        """Take the values of the quantities, shape (N, Q).
 
         Raises:
             UserError: a quantity is beyond 32 bits, or no number.
         """
-        filled = [part for part in parts if len(part)]
         self.bias = bias
-        self.parts = filled
-        values = [bias.values(part.scenes)[np.arange(len(part)), part.side] for part in filled]
-        self.eases: Integers = bias.eases(np.concatenate(values))
-        self.unsafe: Mask = np.concatenate([part.unsafe for part in filled])
-        self.side: Integers = np.concatenate([part.side for part in filled])
-        self.origin = [name for part in filled for name in part.origin]
-        self._scenes: SceneBatch | None = None
-
-    @property
-    def scenes(self) -> SceneBatch:
-        """The scenes in which the lane changes began."""
-        if self._scenes is None:
-            self._scenes = joined_scenes([part.scenes for part in self.parts])
-        return self._scenes
+        self.eases: Integers = bias.eases(values)
+        self.choice, self.unsafe, self.origin = choice, unsafe, list(origin)
 
     @property
     def unsafe_places(self) -> Integers:
         """The places of the unsafe ones, shape (U,)."""
         return self.unsafe.nonzero()[0]
+
+    def words(self, place: int) -> str:
+        """Return where an example comes from, its choice and its quantities, `-` for none."""
+        values = ", ".join(
+            f"{_short(str(one), one.variable)} {one.words(int(ease))}"
+            for one, ease in zip(self.bias.quantities, self.eases[place], strict=True)
+        )
+        return f"{self.origin[place]}, {self.bias.choice_words(int(self.choice[place]))}: {values}"
+
+
+def _short(quantity: str, variable: str) -> str:
+    """Return gap(Side, behind, _) as gap behind."""
+    words = quantity.replace("(", " ").replace(")", " ").replace(",", " ").split()
+    return " ".join(word for word in words if word not in (variable, "_"))

@@ -8,11 +8,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drlsl.induction.bias import OBJECTIONS, SIDES
 from drlsl.induction.examples import Examples
 from drlsl.induction.search_problem import LearntClause, SearchProblem
 
 _WIDTH = 130
+
+
+@dataclass(frozen=True, slots=True)
+class FileForm:
+    """The words of a file of learnt rules around its clauses.
+
+    `title` says in a line what the file is, `prelude` is Prolog that puts the clauses to use, `head` is their
+    head and `about` says what it means.
+    """
+
+    title: str
+    prelude: str
+    head: str
+    about: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +59,8 @@ def fixed_limits(clauses: Sequence[LearntClause], examples: Examples) -> list[Fi
     return result
 
 
-def clause_text(clause: LearntClause, examples: Examples) -> str:
-    """Return a clause of `opening/1`."""
+def clause_text(clause: LearntClause, examples: Examples, form: FileForm) -> str:
+    """Return a learnt clause."""
     quantities = examples.bias.quantities
     literals = [
         one.literal(limit, f"V{number}")
@@ -56,23 +69,26 @@ def clause_text(clause: LearntClause, examples: Examples) -> str:
             start=1,
         )
     ]
-    return "opening(Side) :-\n    " + ",\n    ".join(literals) + "."
+    return f"{form.head} :-\n    " + ",\n    ".join(literals) + "."
 
 
 def learnt_text(
-    clauses: Sequence[LearntClause], examples: Examples, head: Sequence[str], name: str, bias: str
+    clauses: Sequence[LearntClause],
+    examples: Examples,
+    head: Sequence[str],
+    name: str,
+    bias: str,
+    form: FileForm,
 ) -> str:
     """Return the text of the rule file `name` of these clauses, on top of the file `bias`.
 
     `head` are the sentences that introduce it.
     """
-    lines = [f"% {name} - when a lane change is open, learnt from driving by drlsl rules learn.", "%"]
+    lines = [f"% {name} - {form.title}", "%"]
     for sentence in head:
         lines += _comment(sentence)
-    lines += ["", f":- ensure_loaded('{bias}').", "", OBJECTIONS.rstrip(), ""]
-    lines += _comment(
-        "opening(Side): the lane on that side is open: no vehicle there is too near, or too fast."
-    )
+    lines += ["", f":- ensure_loaded('{bias}').", "", form.prelude.rstrip(), ""]
+    lines += _comment(form.about)
     fixed = fixed_limits(clauses, examples)
     safe = ~examples.unsafe
     before = np.zeros(len(safe), dtype=np.bool_)
@@ -90,41 +106,25 @@ def learnt_text(
         for limit in fixed:
             if limit.clause == number:
                 lines += _comment(_why(limit, examples), indent="  ")
-        lines.append(clause_text(clause, examples))
+        lines.append(clause_text(clause, examples, form))
     return "\n".join(lines) + "\n"
 
 
 def _why(limit: FixedLimit, examples: Examples) -> str:
     """Return the example that fixes a limit, in words."""
-    one = examples.bias.quantities[limit.quantity]
-    bound = f"{one} {'at least' if one.more else 'at most'} {one.words(limit.ease)}"
+    bound = examples.bias.quantities[limit.quantity].bound(limit.ease)
     if limit.example is None:
         return f"{bound}: no unsafe example is left out by this alone"
-    return f"{bound}: {example_words(limit.example, examples)}"
-
-
-def example_words(place: int, examples: Examples) -> str:
-    """Return where an example comes from, its side, and its quantities, `-` where nothing is in the way."""
-    values = ", ".join(
-        f"{_short(str(one))} {one.words(int(ease))}"
-        for one, ease in zip(examples.bias.quantities, examples.eases[place], strict=True)
-    )
-    return f"{examples.origin[place]}, to the {SIDES[int(examples.side[place])]}: {values}"
+    return f"{bound}: {examples.words(limit.example)}"
 
 
 def contradiction_words(problem: SearchProblem, examples: Examples) -> str:
     """Return a safe example and an unsafe one that is as easy on every quantity; there must be such two."""
     assert problem.contradiction is not None
     safe, unsafe = problem.contradiction
-    safe_words = example_words(int((~examples.unsafe).nonzero()[0][safe]), examples)
-    unsafe_words = example_words(int(examples.unsafe_places[unsafe]), examples)
+    safe_words = examples.words(int((~examples.unsafe).nonzero()[0][safe]))
+    unsafe_words = examples.words(int(examples.unsafe_places[unsafe]))
     return f"this one was safe ({safe_words}) and this one was not ({unsafe_words})"
-
-
-def _short(quantity: str) -> str:
-    """Return gap(Side, behind, _) as gap behind."""
-    words = quantity.replace("(", " ").replace(")", " ").replace(",", " ").split()
-    return " ".join(word for word in words if word not in ("Side", "_"))
 
 
 def _comment(text: str, indent: str = "") -> Iterator[str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from drlsl.errors import UserError
-from drlsl.induction.bias import EASIEST, Quantity
+from drlsl.induction.quantities import EASIEST, Quantity
 from drlsl.traffic import Integers, Mask
 
 
@@ -47,8 +47,14 @@ class SearchProblem:
     those that are harder on every quantity than an unsafe row cannot be covered and are `contradicted`.
     """
 
-    def __init__(self, quantities: Sequence[Quantity], safe: Integers, unsafe: Integers) -> None:
-        """Take rows of eases, shape (N, Q).
+    def __init__(
+        self,
+        quantities: Sequence[Quantity],
+        safe: Integers,
+        unsafe: Integers,
+        words: Callable[[int], str] = str,
+    ) -> None:
+        """Take rows of eases, shape (N, Q); `words` tells an unsafe row by its place.
 
         Raises:
             UserError: there is no safe or no unsafe row, no limit can leave out an unsafe row, or no safe row
@@ -57,8 +63,8 @@ class SearchProblem:
         for rows, word, other in ((safe, "safe", "unsafe"), (unsafe, "unsafe", "safe")):
             if not len(rows):
                 raise UserError(
-                    f"no {word} lane change among the examples, only {other} ones: there is nothing to "
-                    "learn; label more, other recordings, or with another --label"
+                    f"no {word} example, only {other} ones: there is nothing to learn; label more, or "
+                    "elsewhere"
                 )
         self.quantities = tuple(quantities)
         above = np.full(unsafe.shape, EASIEST)
@@ -66,7 +72,7 @@ class SearchProblem:
             round_limits = np.append(one.round_limits, EASIEST)
             at = np.searchsorted(round_limits[:-1], unsafe[:, column], side="right")
             above[:, column] = round_limits[at]
-        self._check_limits(unsafe, above)
+        self._check_limits(unsafe, above, words)
         self.limits = [np.unique(column[column < EASIEST]) for column in above.T]
         patterns, first = np.unique(self._ranks(unsafe), axis=0, return_index=True)
         kept = _easiest(patterns)
@@ -83,13 +89,14 @@ class SearchProblem:
             worst = int(np.argmax(~free))
             self.contradiction = int(at[worst]), int(self.hardest_rows[blocked[worst]])
 
-    def _check_limits(self, unsafe: Integers, above: Integers) -> None:
+    def _check_limits(self, unsafe: Integers, above: Integers, words: Callable[[int], str]) -> None:
         """Check that some limit leaves out each unsafe row."""
         nowhere = (unsafe >= EASIEST).all(axis=1)
         if nowhere.any():
             raise UserError(
-                f"{int(nowhere.sum())} of {len(unsafe)} unsafe lane changes have nothing in the way that a "
-                "declared quantity speaks of, so that no clause can leave them out; declare more quantities"
+                f"{int(nowhere.sum()):,} of {len(unsafe):,} unsafe examples concern nothing that a declared "
+                "quantity speaks of, so that no clause can leave them out; declare more quantities; one of "
+                f"them: {words(int(nowhere.argmax()))}"
             )
         if ((above >= EASIEST) & (unsafe < EASIEST)).any():
             raise UserError("a limit of a quantity is beyond 32 bits; declare it in another unit")

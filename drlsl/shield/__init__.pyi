@@ -1,6 +1,7 @@
 from .action_rules import ActionRules
 from .fact_batch import ManyFacts
-from .fact_forms import Facts
+from .fact_forms import FactForms, Facts
+from .named_actions import NamedActions, told_facts
 from .offers import Counts, Offer, Offers
 from .rule_answers import Interpreter
 from .rule_failure import RuleFailure
@@ -12,11 +13,13 @@ from .wrapper import LogicShield
 __all__ = [
     "ActionRules",
     "Counts",
+    "FactForms",
     "Facts",
     "Interpreter",
     "LogicShield",
     "LogicVectorShield",
     "ManyFacts",
+    "NamedActions",
     "Offer",
     "Offers",
     "RuleFailure",
@@ -29,4 +32,5 @@ __all__ = [
     "program_files",
     "rule_file",
     "rules_folder",
+    "told_facts",
 ]

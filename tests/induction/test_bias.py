@@ -12,13 +12,15 @@ from hypothesis import strategies as st
 from drlsl.driving.scene import SceneBatch, facts_of
 from drlsl.driving.shield import LIMITS
 from drlsl.errors import UserError
-from drlsl.induction import Bias, Quantity
-from drlsl.induction.bias import EASIEST, SIDES
+from drlsl.induction import Quantity
+from drlsl.induction.lane_changes import SceneBias
+from drlsl.induction.lane_changes.scene_bias import SIDES
+from drlsl.induction.quantities import EASIEST
 from drlsl.logic import Engine
 from drlsl.shield import consult_rules
 from tests.assurance.evidence import generated_scenes
 
-SHIPPED = Bias("learning.pl")
+SHIPPED = SceneBias("learning.pl")
 
 
 def test_the_numbers_are_the_hardest_that_the_predicates_give() -> None:
@@ -32,7 +34,7 @@ def test_the_numbers_are_the_hardest_that_the_predicates_give() -> None:
             engine.replace_facts(name, arity, rows)
         for side, numbers in zip(SIDES, values, strict=True):
             for one, number in zip(SHIPPED.quantities, numbers.tolist(), strict=True):
-                goal = one.goal.format(side=side, number="V")
+                goal = one.goal.format(choice=side, number="V")
                 wanted = [float(str(one["V"])) for one in engine.query(goal, limits=LIMITS)]
                 some += bool(wanted)
                 if wanted:
@@ -51,7 +53,7 @@ def test_the_numbers_are_the_hardest_that_the_predicates_give() -> None:
 def test_a_limit_holds_of_a_value_exactly_where_it_holds_of_its_ease(
     value: float, limit: int, more: bool
 ) -> None:
-    bias = _with(Quantity("gap({side}, {number})", more))
+    bias = _with(Quantity("gap({choice}, {number})", "more" if more else "less"))
     (ease,) = bias.eases(np.array([value])).tolist()
     literal = bias.quantities[0].literal(limit, "V").removeprefix("forall(gap(Side, V), ").removesuffix(")")
     engine = Engine()
@@ -59,21 +61,21 @@ def test_a_limit_holds_of_a_value_exactly_where_it_holds_of_its_ease(
     assert engine.holds(f"given(V), {literal}") == (ease >= limit)
 
 
-def _with(quantity: Quantity) -> Bias:
-    bias = object.__new__(Bias)
+def _with(quantity: Quantity) -> SceneBias:
+    bias = object.__new__(SceneBias)
     bias.quantities = (quantity,)  # type: ignore[misc]
     return bias
 
 
 def test_what_has_no_solution_is_easiest_and_beyond_32_bits_is_refused() -> None:
-    bias = _with(Quantity("gap({side}, {number})", True))
+    bias = _with(Quantity("gap({choice}, {number})", "more"))
     assert bias.eases(np.array([np.nan])).tolist() == [EASIEST]
     with pytest.raises(UserError, match=r"gap\(Side, _\): 2\.2e\+07 in hundredths is beyond the 32 bits"):
         bias.eases(np.array([2.2e7]))
 
 
 def test_round_limits_are_round_and_all_within_32_bits() -> None:
-    limits = Quantity("gap({side}, {number})", True, 0.5).round_limits
+    limits = Quantity("gap({choice}, {number})", "more", 0.5).round_limits
     assert (np.diff(limits) > 0).all()
     assert abs(int(limits[0])) < EASIEST
     assert [one / 100 for one in limits.tolist() if 300 <= one <= 3000] == [
@@ -94,7 +96,7 @@ def test_a_wrong_declaration_is_told(declared: str, why: str, tmp_path: Path) ->
     path = tmp_path / "mine.pl"
     path.write_text(f":- ensure_loaded('highway.pl').\n{declared}\ngap(_, ahead, 1.0).\n")
     with pytest.raises(UserError, match=why):
-        Bias(path)
+        SceneBias(path)
 
 
 def test_a_quantity_that_only_the_interpreter_runs_is_asked_of_it(tmp_path: Path) -> None:
@@ -104,7 +106,7 @@ def test_a_quantity_that_only_the_interpreter_runs_is_asked_of_it(tmp_path: Path
         "letters(_, N) :- target_vehicle(Car), atom_length(Car, N).\n"
     )
     scenes = generated_scenes(6)
-    values = Bias(path).values(SceneBatch.of(scenes))[:, 0, 0]
+    values = SceneBias(path).values(SceneBatch.of(scenes))[:, 0, 0]
     for scene, value in zip(scenes, values.tolist(), strict=True):
         cars = [car.id for car in scene.in_range()]
         assert np.isnan(value) if not cars else value >= 1

@@ -10,8 +10,8 @@ import pytest
 from drlsl.driving.scene import SceneBatch, taken_rows
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.induction import Bias, Changes, Labelling, cached_changes, label_changes
-from drlsl.induction.labelled_changes import WATCHED, labelling_shield
+from drlsl.induction.lane_changes import Changes, Labelling, SceneBias, cached_changes, label_changes
+from drlsl.induction.lane_changes.labelled_changes import WATCHED, labelling_shield
 from drlsl.traffic import load_recording
 from tests.driving.recordings import Drive, recording
 
@@ -63,7 +63,7 @@ def test_a_vehicle_alongside_makes_a_change_unsafe_and_an_empty_road_safe() -> N
     assert changes.unsafe[from_middle].all()
     empty = recording([Drive(1, 200.0, 0.0, length=1.0)], frames=400)
     nobody = label_changes(Labelling(changes=12, egos=4), "learning.pl", empty)
-    values = Bias("learning.pl").values(nobody.scenes)[np.arange(12), nobody.side]
+    values = SceneBias("learning.pl").values(nobody.scenes)[np.arange(12), nobody.side]
     alone = np.isnan(values).all(axis=1)
     assert alone.any()
     assert not nobody.unsafe[alone].any()
@@ -109,7 +109,7 @@ def test_labels_are_kept_until_anything_changes(tmp_path: Path, monkeypatch: pyt
 
 
 def test_scenes_of_several_batches_are_joined() -> None:
-    from drlsl.induction.labelled_changes import joined_scenes
+    from drlsl.induction.lane_changes.labelled_changes import joined_scenes
 
     changes = label_changes(QUICK, "learning.pl", load_recording("highway-test"))
     parts = [taken_rows(changes.scenes, np.arange(low, low + 10)) for low in (0, 10, 20, 30)]

@@ -21,21 +21,21 @@ from drlsl.driving.drivers import Driver
 from drlsl.driving.scene import Scene, load_scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.induction import (
+from drlsl.induction import LearningRun, covered
+from drlsl.induction.lane_changes import (
     BadChange,
-    Examples,
+    ChangeExamples,
     Labelling,
+    LaneChanges,
     LearningReport,
-    LearningRun,
     LearnRequest,
     ReportRequest,
     Stressed,
-    covered,
     learning_report,
     write_table,
 )
-from drlsl.induction.bias import SIDES
-from drlsl.induction.examination import broken_by, examined, stressed
+from drlsl.induction.lane_changes.examination import broken_by, examined, stressed
+from drlsl.induction.lane_changes.scene_bias import SIDES
 from drlsl.verify import Request, Result
 from drlsl.verify.confirmation import Counterexample
 from drlsl.workers import Crew
@@ -54,7 +54,7 @@ CLEAN = Counts(episodes=10, lane_changes=7, contacts=Counter(cut_off=3))
 class Trouble:
     """Stress in which the first `times` rounds end at fault, after a lane change that the file offers."""
 
-    def __init__(self, times: int, examples: Examples) -> None:
+    def __init__(self, times: int, examples: ChangeExamples) -> None:
         self.times, self.rounds, self._examples = times, 0, examples
 
     def __call__(
@@ -70,27 +70,29 @@ class Trouble:
         """Return a scene and side that the rules offer, as hard as any."""
         scenes = self._examples.scenes
         mask = Shield.from_files([rules], tier="numpy").decide_batch(scenes).action_mask
-        mine = mask[np.arange(len(mask)), 1 + self._examples.side] & (self._examples.eases < 2**31 - 1).any(1)
+        mine = mask[np.arange(len(mask)), 1 + self._examples.choice] & (self._examples.eases < 2**31 - 1).any(
+            1
+        )
         place = int(mine.nonzero()[0][0])
-        return scenes.scene(place), SIDES[int(self._examples.side[place])]
+        return scenes.scene(place), SIDES[int(self._examples.choice[place])]
 
 
 @pytest.fixture(scope="module")
-def examples(tmp_path_factory: pytest.TempPathFactory) -> Examples:
-    run = LearningRun(REQUEST, tmp_path_factory.mktemp("labels") / "a.pl", lambda _: None)
-    return Examples(run.bias, run._labelled())
+def examples(tmp_path_factory: pytest.TempPathFactory) -> ChangeExamples:
+    domain = LaneChanges(REQUEST)
+    return domain.examples(domain.label(tmp_path_factory.mktemp("labels"), lambda _: None), [])
 
 
 def learn(
     out: Path, trouble: Trouble, monkeypatch: pytest.MonkeyPatch, request: LearnRequest = REQUEST
 ) -> tuple[Any, list[str]]:
     told: list[str] = []
-    monkeypatch.setattr("drlsl.induction.learning_rounds.stressed", trouble)
-    return LearningRun(request, out, told.append).run(), told
+    monkeypatch.setattr("drlsl.induction.lane_changes.lane_change_domain.stressed", trouble)
+    return LearningRun(LaneChanges(request), out, told.append).run(), told
 
 
 def test_what_goes_wrong_is_an_example_of_the_next_round(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "learnt.pl"
     result, told = learn(out, Trouble(2, examples), monkeypatch)
@@ -103,12 +105,12 @@ def test_what_goes_wrong_is_an_example_of_the_next_round(
     text = out.read_text()
     assert "and no unsafe one" in text
     mask = Shield.from_files([out], tier="numpy").decide_batch(result.examples.scenes).action_mask
-    mine = mask[np.arange(len(mask)), 1 + result.examples.side]
+    mine = mask[np.arange(len(mask)), 1 + result.examples.choice]
     assert (mine == covered(result.clauses, result.examples.eases)).all(), "the text is what was searched"
 
 
 def test_rounds_are_resumed_and_other_settings_refused(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole, _ = learn(tmp_path / "whole.pl", Trouble(2, examples), monkeypatch)
 
@@ -132,11 +134,11 @@ def test_rounds_are_resumed_and_other_settings_refused(
     again, told = learn(out, Trouble(9, examples), monkeypatch)
     assert (again.rounds, out.read_text()) == (rest.rounds, text), "nothing is left to do"
     with pytest.raises(UserError, match="holds the rounds of other settings"):
-        LearningRun(LearnRequest(recordings=("freeway",)), out, print)
+        LearningRun(LaneChanges(LearnRequest(recordings=("freeway",))), out, print)
 
 
 def test_a_limit_of_rounds_leaves_what_holds_of_the_last_file(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "learnt.pl"
     limited = replace(REQUEST, rounds=2)
@@ -151,7 +153,7 @@ def test_the_file_of_a_user_is_not_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "mine.pl"
     out.write_text("a.\n")
     with pytest.raises(UserError, match=r"mine\.pl exists; name a new file"):
-        LearningRun(REQUEST, out, print)
+        LearningRun(LaneChanges(REQUEST), out, print)
     assert out.read_text() == "a.\n"
 
 
@@ -185,7 +187,7 @@ def test_a_counterexample_says_which_lane_change_breaks_a_property(tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_property_that_no_clause_can_meet_is_told(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     properties = tmp_path / "mine.properties.pl"
     properties.write_text(
@@ -217,16 +219,17 @@ def test_wrong_arguments_are_one_line(
 
 
 def test_a_result_is_read_back_as_it_was(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result, _ = learn(tmp_path / "learnt.pl", Trouble(1, examples), monkeypatch)
     for one in result.rounds:
-        assert type(one).of_json(json.loads(json.dumps(one.as_json())), "round") == one
+        kept = json.loads(json.dumps(one.as_json(result.domain)))
+        assert type(one).of_json(kept, "round", result.domain) == one
 
 
 @pytest.mark.slow
 def test_the_table_has_both_sides_of_the_limits_and_notices_mutants(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "learnt.pl"
     result, _ = learn(out, Trouble(0, examples), monkeypatch)
@@ -243,13 +246,13 @@ def test_the_table_has_both_sides_of_the_limits_and_notices_mutants(
 
 @pytest.mark.slow
 def test_the_report_has_rounds_proofs_stress_and_time_saved(
-    tmp_path: Path, examples: Examples, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "learnt.pl"
     result, _ = learn(out, Trouble(1, examples), monkeypatch)
     told: list[str] = []
-    monkeypatch.setattr("drlsl.induction.learning_report.verify", _one_refutation)
-    monkeypatch.setattr("drlsl.induction.learning_report.stressed", _no_stress)
+    monkeypatch.setattr("drlsl.induction.lane_changes.learning_report.verify", _one_refutation)
+    monkeypatch.setattr("drlsl.induction.lane_changes.learning_report.stressed", _no_stress)
     report = LearningReport(out, REQUEST, result, Score((), {}, {}), told.append)
     path = report.write(ReportRequest(held_out=("freeway",), episodes=5, drives=2))
     text = path.read_text()
@@ -277,7 +280,7 @@ def test_two_examples_that_contradict_the_declared_directions_are_named(
 ) -> None:
     bias = tmp_path / "wrong.pl"
     bias.write_text(":- ensure_loaded('highway.pl').\nlearn(speed_of_all(_), more).\nspeed_of_all(_, 1.0).\n")
-    run = LearningRun(replace(REQUEST, bias=str(bias)), tmp_path / "learnt.pl", print)
+    run = LearningRun(LaneChanges(replace(REQUEST, bias=str(bias))), tmp_path / "learnt.pl", print)
     with pytest.raises(UserError, match=r"this one was safe \(highway-test.*and this one was not \(highway-"):
         run.run()
 
@@ -288,7 +291,7 @@ def test_an_agent_that_does_not_fit_the_rules_does_not_end_the_report(
     def refuse(name: str, *_: object) -> Driver:
         raise UserError(f"{name}: the agent observes what the rules do not give")
 
-    monkeypatch.setattr("drlsl.induction.learning_report.load_driver", refuse)
+    monkeypatch.setattr("drlsl.induction.lane_changes.learning_report.load_driver", refuse)
     what = ReportRequest(drives=1, agents=("run",))
     mobil, agent = learning_report._driven(RULES / "paper.pl", "freeway", what)
     assert mobil.startswith("| mobil | paper.pl | freeway |")

@@ -10,10 +10,12 @@ import pytest
 
 from drlsl.errors import UserError
 from drlsl.induction import Found, LearntClause, Quantity, SearchProblem, covered, search
-from drlsl.induction.bias import EASIEST
+from drlsl.induction.quantities import EASIEST
 from drlsl.traffic import Integers
 
-QUANTITIES = tuple(Quantity(f"q{n}({{side}}, {{number}})", n % 2 == 0, 1.0) for n in range(8))
+QUANTITIES = tuple(
+    Quantity(f"q{n}({{choice}}, {{number}})", "less" if n % 2 else "more", 1.0) for n in range(8)
+)
 
 
 def problem_of(safe: Integers, unsafe: Integers) -> SearchProblem:
@@ -105,10 +107,16 @@ def test_a_contradiction_of_a_declared_direction_is_named() -> None:
 @pytest.mark.parametrize(
     ("safe", "unsafe", "clauses", "literals", "why"),
     [
-        ([], [(100, 100)], 1, 1, "no safe lane change among the examples"),
-        ([(100, 100)], [], 1, 1, "no unsafe lane change among the examples"),
-        ([(100, 100)], [(300, 300)], 1, 2, "no safe lane change can be offered: each of the 1 is at most as"),
-        ([(100, 100)], [(EASIEST, EASIEST)], 1, 1, "have nothing in the way"),
+        ([], [(100, 100)], 1, 1, "no safe example, only unsafe ones"),
+        ([(100, 100)], [], 1, 1, "no unsafe example, only safe ones"),
+        ([(100, 100)], [(300, 300)], 1, 2, "no safe example can be offered: each of the 1 is at most as"),
+        (
+            [(100, 100)],
+            [(EASIEST, EASIEST)],
+            1,
+            1,
+            "unsafe examples concern nothing that a declared",
+        ),
         ([(900, 900)], [(100, EASIEST), (EASIEST, 100)], 1, 1, "no clause of 1 literal leaves out all 2"),
         ([(900, 900)], [(100, 100)], 0, 1, "--clauses 0: expected 1 or more"),
         ([(900, 900)], [(100, 100)], 1, 0, "--literals 0: expected 1 or more"),

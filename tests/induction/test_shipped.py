@@ -10,8 +10,8 @@ import pytest
 from drlsl.assurance import reasons_of, run_cases, score
 from drlsl.assurance.mutation import MutantTester
 from drlsl.driving.shield import Shield
-from drlsl.induction import Labelling, label_changes
-from drlsl.induction.examination import examined, stressed
+from drlsl.induction.lane_changes import Labelling, label_changes
+from drlsl.induction.lane_changes.examination import examined, stressed
 from drlsl.traffic import load_recording
 from drlsl.verify import Request, verify
 from drlsl.workers import Crew

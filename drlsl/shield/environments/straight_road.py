@@ -20,7 +20,7 @@ SIGHT: Final = 100.0
 
 _MOTION: Final = ("float",) * 6
 
-SCHEMA: Final = Schema(
+ROAD_SCHEMA: Final = Schema(
     [
         Relation("ego", _MOTION, single=True),
         Relation("vehicle", ("int", *_MOTION, "float", "atom"), key=0, capacity=16),
@@ -42,7 +42,7 @@ def shield_straight_road(env: gymnasium.Env[Any, Any], **settings: Any) -> Logic
     """
     actions = meta_actions(env, lateral=True)
     given = {"fallback": FALLBACK, **settings}
-    return LogicShield(env, RULES, actions=actions, facts=straight_road_facts, schema=SCHEMA, **given)
+    return LogicShield(env, RULES, actions=actions, facts=straight_road_facts, schema=ROAD_SCHEMA, **given)
 
 
 def straight_road_facts(world: Any) -> Facts:

@@ -17,7 +17,7 @@ from drlsl.errors import UserError
 from drlsl.shield import ActionRules, Facts
 from drlsl.shield.environments import shield_straight_road
 from drlsl.shield.environments.meta_actions import FALLBACK
-from drlsl.shield.environments.straight_road import RULES, SCHEMA
+from drlsl.shield.environments.straight_road import ROAD_SCHEMA, RULES
 from tests.shield.environments.oracle import LAG, World, braked, steered
 
 ACTIONS = ("lane_left", "idle", "lane_right", "faster", "slower")
@@ -25,7 +25,7 @@ TIERS = ("scalar", "interpreter", "numpy", "numba")
 
 
 def rules(tier: str) -> ActionRules:
-    return ActionRules(RULES, ACTIONS, fallback=FALLBACK, tier=tier, schema=SCHEMA)
+    return ActionRules(RULES, ACTIONS, fallback=FALLBACK, tier=tier, schema=ROAD_SCHEMA)
 
 
 SCALAR = rules("scalar")
@@ -137,7 +137,7 @@ def test_each_layer_of_the_rules_is_that_of_the_oracle() -> None:
     """The actions without danger, the good ones and the ways out, in states where they matter."""
     asked = {
         goal: ActionRules(
-            RULES, ACTIONS, fallback=FALLBACK, tier="scalar", schema=SCHEMA, ask=f"{goal}(Action)"
+            RULES, ACTIONS, fallback=FALLBACK, tier="scalar", schema=ROAD_SCHEMA, ask=f"{goal}(Action)"
         )
         for goal in ("safe", "good", "way_out", "offered")
     }

@@ -16,7 +16,7 @@ from drlsl.logic import Engine
 from drlsl.logic.terms import Atom
 from drlsl.lowering import Query, lower
 from drlsl.shield import consult_rules, rules_folder
-from drlsl.shield.environments.straight_road import SCHEMA
+from drlsl.shield.environments.straight_road import ROAD_SCHEMA
 from tests.shield.environments.oracle import LAG
 
 pytest.importorskip("z3", reason="the extra 'verify' is not installed")
@@ -74,7 +74,7 @@ class Open:
 
 def verdicts(engine: Engine, name: str) -> Iterator[str]:
     """Whether there is a state that breaks a property, for each kind of action."""
-    lowered = lower(engine, SCHEMA, [Query(f"violates {name}", 0, "holds")])
+    lowered = lower(engine, ROAD_SCHEMA, [Query(f"violates {name}", 0, "holds")])
     for action in ACTIONS:
         states = Open(action)
         truth = Formula(states.algebra, states.facts).truth(lowered.answers[0].found)

@@ -14,8 +14,8 @@ import numpy as np
 from drlsl.driving import POLICIES, Counts, EnvConfig, stress
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
-from drlsl.induction.bias import SIDES, Side
-from drlsl.induction.labelled_changes import Changes
+from drlsl.induction.lane_changes.labelled_changes import Changes
+from drlsl.induction.lane_changes.scene_bias import SIDES, Side
 from drlsl.shield import own_files
 from drlsl.traffic import load_recording
 from drlsl.verify import Prover, Request, Result, verify

@@ -14,11 +14,11 @@ from drlsl.assurance import EgoRow, RoadRow, Score, Staging, VehicleRow, load_ta
 from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.files import write_atomic
-from drlsl.induction.bias import SIDES, Side
-from drlsl.induction.examples import Examples
-from drlsl.induction.learnt_file import FixedLimit, example_words, fixed_limits
+from drlsl.induction.lane_changes.change_examples import ChangeExamples
+from drlsl.induction.lane_changes.scene_bias import SIDES, Side
+from drlsl.induction.lane_changes.told_scene import accelerations, faster, moves, simplified, staged
+from drlsl.induction.learnt_file import FixedLimit, fixed_limits
 from drlsl.induction.search_problem import LearntClause
-from drlsl.induction.told_scene import accelerations, faster, moves, simplified, staged
 from drlsl.traffic import Direction
 
 _ROADS: Final = """\
@@ -58,8 +58,9 @@ NOT_FOUND: Final = (
 class LearntTable:
     """Makes the rows of a table for the clauses in a rule file."""
 
-    def __init__(self, rules: Path, clauses: Sequence[LearntClause], examples: Examples) -> None:
+    def __init__(self, rules: Path, clauses: Sequence[LearntClause], examples: ChangeExamples) -> None:
         self._rules, self._clauses, self._examples = rules, clauses, examples
+        self._bias = examples.scene_bias
         self._shield = Shield.from_files([rules], tier="scalar")
 
     def text(self) -> str:
@@ -73,18 +74,18 @@ class LearntTable:
             if not rows:
                 continue
             assert limit.example is not None
-            one = self._examples.bias.quantities[limit.quantity]
-            yield f"\n  # clause {limit.clause + 1}; {example_words(limit.example, self._examples)}\n"
-            yield f"  - scene: '{one} {'at least' if one.more else 'at most'} {one.words(limit.ease)}'\n"
+            one = self._bias.quantities[limit.quantity]
+            yield f"\n  # clause {limit.clause + 1}; {self._examples.words(limit.example)}\n"
+            yield f"  - scene: '{one.bound(limit.ease)}'\n"
             yield "    rows:\n"
-            side = SIDES[int(self._examples.side[limit.example])]
+            side = SIDES[int(self._examples.choice[limit.example])]
             for words, scene in rows:
                 yield f"      - {self._row(words, scene, side)}\n"
 
     def _rows(self, limit: FixedLimit) -> Iterator[tuple[str, Staging]]:
         """Yield the scene that fixes a limit, and one on either side of the limit, if they are found."""
         assert limit.example is not None
-        side = int(self._examples.side[limit.example])
+        side = int(self._examples.choice[limit.example])
         scene = staged(self._examples.scenes.scene(limit.example))
         if scene is None or not self._leaves_out(scene, side, limit):
             return
@@ -115,7 +116,7 @@ class LearntTable:
             batch = SceneBatch.of([replace(scene, direction=one).scene() for one in Direction])
         except ValueError:
             return None
-        eases = self._examples.bias.eases(self._examples.bias.values(batch)[:, side])
+        eases = self._bias.eases(self._bias.values(batch)[:, side])
         one, other = (
             [
                 {q for q, limit in enumerate(clause.limits) if limit is not None and row[q] < limit}
@@ -189,7 +190,9 @@ def _expecting(row: str, shield: Shield) -> str:
     return _flow({**told, "actions": _actions(scene, shield)})
 
 
-def write_table(rules: Path, clauses: Sequence[LearntClause], examples: Examples, *, jobs: int = 1) -> Score:
+def write_table(
+    rules: Path, clauses: Sequence[LearntClause], examples: ChangeExamples, *, jobs: int = 1
+) -> Score:
     """Write the table of learnt rules beside them, and the reasons of the mutants that it cannot notice.
 
     Rows that notice surviving mutants are added, as far as they are found.

@@ -17,7 +17,7 @@ import numpy as np
 from drlsl.driving import EnvConfig
 from drlsl.driving.scene import Road, SceneBatch
 from drlsl.files import cache_folder, write_atomic
-from drlsl.induction.labelled_changes import (
+from drlsl.induction.lane_changes.labelled_changes import (
     SHARE,
     WATCHED,
     Changes,

@@ -14,7 +14,7 @@ from drlsl.driving.scene import SCHEMA, Action, Road, SceneBatch, taken_rows
 from drlsl.driving.shield import LIMITS, SceneProgram, Shield
 from drlsl.driving.simulation import StepResult, World, playbacks_of
 from drlsl.errors import UserError
-from drlsl.induction.bias import OBJECTIONS, SIDES
+from drlsl.induction.lane_changes.scene_bias import OBJECTIONS, SIDES
 from drlsl.logic import Engine
 from drlsl.lowering.backends import compile_numpy
 from drlsl.lowering.frontend import Query, lower

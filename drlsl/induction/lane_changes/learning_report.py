@@ -12,9 +12,11 @@ from drlsl.driving import EnvConfig
 from drlsl.driving.drivers import DRIVERS, KEEP, Driver, make_driver
 from drlsl.errors import UserError
 from drlsl.files import write_atomic
-from drlsl.induction.examination import Stressed, stressed
-from drlsl.induction.labelled_changes import LEFT_OUT
-from drlsl.induction.learning_rounds import LearnRequest, Learnt
+from drlsl.induction.lane_changes.change_examples import ChangeExamples
+from drlsl.induction.lane_changes.examination import Stressed, stressed
+from drlsl.induction.lane_changes.labelled_changes import LEFT_OUT
+from drlsl.induction.lane_changes.lane_change_domain import LearnRequest
+from drlsl.induction.learning_rounds import Learnt
 from drlsl.learning import EpisodeSummary, as_record, drive, load_driver, make_evaluation_env, times_of
 from drlsl.verify import Request, Result, verify, write_counterexample
 from drlsl.workers import ALONE, Crew
@@ -51,7 +53,12 @@ class LearningReport:
     """Measures learnt rules, and writes what it finds to a folder beside the rule file."""
 
     def __init__(
-        self, rules: Path, request: LearnRequest, learnt: Learnt, mutants: Score, tell: Callable[[str], None]
+        self,
+        rules: Path,
+        request: LearnRequest,
+        learnt: Learnt[ChangeExamples],
+        mutants: Score,
+        tell: Callable[[str], None],
     ) -> None:
         self._rules, self._request, self._learnt, self._mutants = rules, request, learnt, mutants
         self._tell = tell

@@ -1,0 +1,5 @@
+"""Lane changes in recorded traffic: labels by simulation, stress and proofs, tables and reports."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
