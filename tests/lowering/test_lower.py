@@ -304,6 +304,11 @@ def test_values_of_another_kind(scene: Facts) -> None:
         compile_scalar(lower(engine_of(text), SCHEMA, [Query("p", 1, "first")]))(scene)
 
 
+def test_a_recursion_with_constants_ends_where_a_test_fails() -> None:
+    text = "p(X) :- q(3, X). q(0, 0.0). q(N, X) :- N > 0, M is N - 1, q(M, Y), limit(L), X is Y + L."
+    assert tiers(text, "p/1", "first").check([facts(limit=2.0)]) == 1
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

@@ -240,7 +240,8 @@ def _comparison(name: str) -> None:
         def test(arithmetic: Arithmetic, left: Node, right: Node) -> Tree:
             cond = arithmetic.compare(name, left, right)
             unfold.written(cond, Struct(name, tuple(args)))
-            return guard(cond, then())
+            # what follows a test that fails is not unfolded: a recursion with constants ends there
+            return FAIL if cond is unfold.pool.false else guard(cond, then())
 
         return unfold.evaluated(args, test)
 
