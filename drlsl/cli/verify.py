@@ -15,6 +15,7 @@ from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
     from drlsl.verify import Report, Request, Result
+    from drlsl.verify.told import FactsResult
 
 
 class Solver(StrEnum):
@@ -96,6 +97,8 @@ def verify(
         solver=solver.value,
         kept=answers_file(solver.value) if cache else None,
     )
+    if properties and _told(request, out, as_json=as_json):
+        return
     report = _run(request)
     if out is not None:
         _write_scenes(request, report, out)
@@ -105,6 +108,49 @@ def verify(
         print("\n".join(_lines(report, request, out)))
     if any(result.status != "proved" for result in report.results):
         raise typer.Exit(1)
+
+
+def _told(request: Request, out: Path | None, *, as_json: bool) -> bool:
+    """Prove properties of rules for another environment; return False if they are about driving scenes."""
+    from drlsl.errors import UserError
+    from drlsl.verify.told import declares_facts, verify_facts
+
+    if not declares_facts(request):
+        return False
+    if out is not None:
+        raise UserError(
+            "--out writes scenes of driving; facts of other environments are in the report and in --json"
+        )
+    results = []
+    for result in verify_facts(request):
+        results.append(result)
+        if not as_json:
+            print("\n".join(_facts_lines(result)), flush=True)
+    if as_json:
+        print(to_json({"results": [result.as_json() for result in results]}))
+    if any(result.status != "proved" for result in results):
+        raise typer.Exit(1)
+    return True
+
+
+def _facts_lines(result: FactsResult) -> Iterator[str]:
+    """Yield the lines about a property of rules for another environment."""
+    counts = ", ".join(f"{count} of {name}" for name, count in result.rows.items())
+    extent = "any number of rows" if result.enough else f"up to {counts}"
+    yield f"{result.status:<8} {result.name:<24} {extent:<24} {result.seconds:8.1f} s"
+    yield f"         {result.text}"
+    if result.reason:
+        yield f"         because {result.reason}"
+    if result.floats is not None and result.floats.margin is not None:
+        margin = f"{result.floats.margin:g}, in its unit, of its limit"
+        yield f"         holds in floats unless a comparison is within {margin}"
+    if result.scenes:
+        tried = f"attacked with {result.scenes:,} sets of facts"
+        yield f"         {tried}: {result.close:,} came within 0.001 of breaking it"
+    if result.error is not None:
+        yield f"         the rules raise an error: {result.error}"
+    for (name, _), rows in (result.facts or {}).items():
+        yield from (f"         {name}({', '.join(map(str, row))})" for row in rows)
 
 
 def _run(request: Request) -> Report:

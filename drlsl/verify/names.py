@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Final
 
 from drlsl.driving.scene import EGO, SCHEMA
@@ -13,6 +14,12 @@ from drlsl.traffic import Direction
 VEHICLE: Final = SCHEMA.relations["vehicle", 8]
 
 LANE_END: Final = SCHEMA.relations["lane_end", 2]
+
+
+@dataclass(frozen=True, slots=True)
+class OpenRelation(Relation):
+    """A relation that may have any number of rows, each of which is like any other."""
+
 
 _ROAD_LANE: Final = SCHEMA.relations["road_lane", 5]
 

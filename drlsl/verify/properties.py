@@ -21,6 +21,7 @@ from drlsl.verify.images import expand, undefined_calls
 from drlsl.verify.ranges import RANGES, Range, decimal
 from drlsl.verify.sealing import consult_sealed
 from drlsl.verify.smt import FOCUS
+from drlsl.verify.told import Declared, declared_facts
 
 FACTS: Final = Schema([*SCHEMA.relations.values(), FOCUS])
 """The facts of a scene, and the one vehicle that `focus/1` names."""
@@ -49,7 +50,8 @@ class Book:
     """A rule program with the properties to be proved of it, and their ranges.
 
     `missing` lists, by property, the predicates that it calls and the rules lack. `unknowns` are further
-    numbers of the properties besides the scene, names with descriptions; they have ranges as well.
+    numbers of the properties besides the scene, names with descriptions; they have ranges as well. `told` are
+    the facts of another environment that the properties declare; None: they are about driving scenes.
     """
 
     engine: Engine
@@ -57,6 +59,7 @@ class Book:
     ranges: dict[str, Range]
     missing: dict[str, tuple[str, ...]]
     unknowns: dict[str, str] = field(default_factory=dict)
+    told: Declared | None = None
 
     @property
     def facts(self) -> Schema:
@@ -82,7 +85,8 @@ def load(rules: Sequence[str | Path], properties: Sequence[str | Path] = ()) -> 
     _complete(engine)
     expand(engine)
     missing = _missing(engine, declared, _facts(unknowns))
-    return Book(engine, declared, {**_ranges(engine), **ranges}, missing, unknowns)
+    told = declared_facts(engine, ranges)
+    return Book(engine, declared, {**_ranges(engine), **ranges}, missing, unknowns, told)
 
 
 def _complete(engine: Engine) -> None:

@@ -1,5 +1,8 @@
 """The number of vehicles that a scene needs to break a property: small scenes that stand for all.
 
+The same holds for the rows of any relation of which there may be any number (`OpenRelation`); below, vehicles
+stand for them.
+
 From a scene that breaks a property, vehicles are removed one after another. A statement that no vehicle has
 some quality stays true, and a statement that some vehicle has it stays true as long as one of those is kept.
 So the scene with one vehicle left for each such statement, and one for each least or greatest value or first
@@ -10,14 +13,16 @@ about the same one.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from drlsl.driving.scene import EGO
 from drlsl.logic.terms import Atom
 from drlsl.lowering.frontend import Answer
-from drlsl.lowering.ir import QUANTIFIERS, Node, relation_of
-from drlsl.verify.names import VEHICLE
+from drlsl.lowering.ir import QUANTIFIERS, Node, Relation, relation_of
+from drlsl.verify.names import VEHICLE, OpenRelation
 from drlsl.verify.smt import FOCUS
 
 
@@ -36,17 +41,25 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """Vehicles that must be kept: those of the choices in `named`, `more` besides, and the one in focus."""
+    """Vehicles that must be kept: those of the choices in `named`, `more` besides, and the one in focus.
+
+    `more` has the relation of each such row, once for each.
+    """
 
     named: frozenset[Choice] = frozenset()
-    more: int = 0
+    more: tuple[Relation, ...] = ()
     focus: bool = False
 
-    def __len__(self) -> int:
+    def rows(self) -> Counter[Relation]:
+        """Return the number of rows that must be kept, by relation."""
         # the least of some rows is also one of them
         sharp = {choice.rows for choice in self.named if choice.kind != "any"}
-        named = sum(choice.kind != "any" or choice.rows not in sharp for choice in self.named)
-        return named + self.more + self.focus
+        named = [choice for choice in self.named if choice.kind != "any" or choice.rows not in sharp]
+        relations = [relation_of(choice.rows[0]) for choice in named]
+        return Counter([*relations, *self.more, *([VEHICLE] if self.focus else [])])
+
+    def __len__(self) -> int:
+        return self.rows().total()
 
     def __or__(self, other: Need) -> Need:
         return Need(self.named | other.named, self.more + other.more, self.focus or other.focus)
@@ -65,12 +78,26 @@ def witnesses(answer: Answer) -> int | None:
         return None
 
 
+def rows_needed(answer: Answer) -> Counter[Relation] | None:
+    """Return a sufficient number of rows of each relation with any number of them; None: unknown."""
+    try:
+        needs = [_truth(root, True, frozenset()) for root in (answer.found, answer.undecided)]
+    except NoBound:
+        return None
+    return needs[0].rows() | needs[1].rows()
+
+
 def _either(one: Need, other: Need) -> Need:
     """Return what is sufficient for either of two statements."""
     for large, small in ((one, other), (other, one)):
-        if large.named >= small.named and large.more >= small.more and large.focus >= small.focus:
+        more = Counter(large.more) >= Counter(small.more)
+        if large.named >= small.named and more and large.focus >= small.focus:
             return large
-    return Need(more=max(len(one), len(other)))
+    return Need(more=_listed((one.rows() | other.rows()).elements()))
+
+
+def _listed(relations: Iterable[Relation]) -> tuple[Relation, ...]:
+    return tuple(sorted(relations, key=lambda relation: (relation.name, relation.arity)))
 
 
 def _truth(node: Node, holds: bool, fixed: _Fixed) -> Need:
@@ -123,9 +150,14 @@ def _none(node: Node, fixed: _Fixed) -> Need:
     for cond, loop in _conditions(node):
         own = _truth(cond, False, fixed - {loop} if _over_vehicles(node) else fixed | {loop})
         if not _over_vehicles(node) and len(own):
-            own = Need(more=len(own) * relation_of(loop).capacity)
+            own = _for_each_row(own, loop)
         result = result | own
     return result
+
+
+def _for_each_row(need: Need, rows: Node) -> Need:
+    """Return what is needed if each row of a relation with few of them has needs of its own."""
+    return Need(more=_listed(need.rows().elements()) * relation_of(rows).capacity)
 
 
 def _row(node: Node, fixed: _Fixed) -> Need:
@@ -137,7 +169,7 @@ def _row(node: Node, fixed: _Fixed) -> Need:
     if not node.free <= fixed:
         raise NoBound
     if node.free:
-        return Need(more=1)
+        return Need(more=(relation_of(node.args[0]),))
     kind = _KINDS.get(node.op, node.op)
     return Need(frozenset({Choice((node.args[0], node.args[1]), kind, node.args[2:])}))
 
@@ -182,7 +214,8 @@ def _is_ego_or_focus(node: Node) -> bool:
 
 
 def _over_vehicles(node: Node) -> bool:
-    return relation_of(node.args[0]) == VEHICLE
+    relation = relation_of(node.args[0])
+    return relation == VEHICLE or isinstance(relation, OpenRelation)
 
 
 def _value(node: Node, fixed: _Fixed) -> Need:
@@ -214,5 +247,5 @@ def _chosen(node: Node, fixed: _Fixed) -> Need:
             value, fixed - {node.args[0]} if _over_vehicles(node) else fixed | {node.args[0]}
         )
     if not _over_vehicles(node) and len(result):
-        result = Need(more=len(result) * relation_of(node).capacity)
+        result = _for_each_row(result, node)
     return result | _row(node, fixed)

@@ -17,7 +17,7 @@ from drlsl.logic.loading import builtin, library
 from drlsl.logic.terms import Struct, names
 from drlsl.shield import consult_rules
 
-DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4))
+DECLARED: Final = (("property", 2), ("violates", 1), ("image", 3), ("range", 3), ("unknown", 4), ("facts", 2))
 """The predicates that files of properties declare; each of several files may have clauses of them."""
 
 _SHARED: Final = "".join(

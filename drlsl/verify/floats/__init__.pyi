@@ -1,6 +1,10 @@
+from .intervals import Columns
 from .margins import Floats, margin_of
+from .rounding import between
 
 __all__ = [
+    "Columns",
     "Floats",
+    "between",
     "margin_of",
 ]

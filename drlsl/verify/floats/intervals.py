@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from drlsl.driving.scene import EGO_LIMITS
 from drlsl.logic.core import NODES
 from drlsl.lowering.ir import SMALLEST_DIVISOR, Node, Pool, is_checked_divisor, relation_of
 from drlsl.verify.floats import rounding
 from drlsl.verify.floats.rounding import ANY, Approximation, down, up
+from drlsl.verify.names import VEHICLE, OpenRelation
 from drlsl.verify.ranges import MOST_LANES_ONE_WAY, Range
 
 _FINE: Final = 16.0
@@ -34,7 +35,11 @@ MOST_PIECES: Final = 100
 # ---------------------------------------------------------------- facts
 
 
-def _fact_columns(ranges: Mapping[str, Range]) -> dict[tuple[str, int], tuple[Approximation, Approximation]]:
+Columns: TypeAlias = Mapping[tuple[str, int], tuple[Approximation, Approximation]]
+"""By relation and column, the bounds of its first row and of any other row."""
+
+
+def _fact_columns(ranges: Mapping[str, Range]) -> Columns:
     """Return, by relation and column, the bounds of its first row and of any other row."""
 
     def of(name: str) -> Approximation:
@@ -84,14 +89,22 @@ class Context:
 class Values:
     """Intervals and errors of numbers, and their consequences from conditions, for one margin.
 
-    In a `blind` context nothing is assumed, not even that comparisons were decided correctly.
+    `columns` bound the facts if they are not those of a driving scene. In a `blind` context nothing is
+    assumed, not even that comparisons were decided correctly.
     """
 
-    def __init__(self, pool: Pool, ranges: Mapping[str, Range], rows: int, margin: float) -> None:
+    def __init__(
+        self,
+        pool: Pool,
+        ranges: Mapping[str, Range],
+        rows: int,
+        margin: float,
+        columns: Columns | None = None,
+    ) -> None:
         self.pool = pool
         self.margin = margin
         self._rows = rows
-        self._columns = _fact_columns(ranges)
+        self._columns = _fact_columns(ranges) if columns is None else columns
         self._radar = rounding.between(*ranges["radar_range"]).high
         self._contexts: dict[frozenset[Any], Context] = {}
         self._masks: dict[Node, int] = {}
@@ -229,7 +242,7 @@ class Values:
         if left.op != "col" or right.op != "col" or left.data != right.data:
             return None
         relation, column = left.data
-        if relation.name != "vehicle" or relation.fields[column] not in ("x", "y"):
+        if relation != VEHICLE or relation.fields[column] not in ("x", "y"):
             return None
         egos = sum(arg.args[0].op == "row" for arg in node.args)
         return up(self._radar * (2 - egos))
@@ -245,7 +258,9 @@ class Values:
 
     def _most(self, node: Node) -> int:
         relation = relation_of(node.args[0])
-        return self._rows + 1 if relation.name == "vehicle" else relation.capacity
+        if relation == VEHICLE:
+            return self._rows + 1
+        return self._rows if isinstance(relation, OpenRelation) else relation.capacity
 
     def _extreme(self, node: Node, context: Context) -> Approximation:
         """Return a minimum or maximum; a side with a large error where it is not taken does no harm."""

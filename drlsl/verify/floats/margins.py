@@ -19,7 +19,7 @@ from drlsl.logic.terms import Atom, Operators, Struct, Var, format_term
 from drlsl.lowering.frontend import Answer
 from drlsl.lowering.ir import QUANTIFIERS, SMALLEST_DIVISOR, Node, Pool
 from drlsl.verify.floats.assumed import Simplifier
-from drlsl.verify.floats.intervals import MOST_PIECES, STRIDE, Context, Values
+from drlsl.verify.floats.intervals import MOST_PIECES, STRIDE, Columns, Context, Values
 from drlsl.verify.floats.ordering import Order
 from drlsl.verify.floats.rounding import up
 from drlsl.verify.ranges import Range
@@ -211,14 +211,18 @@ class _Walk:
             self.largest = (error, node)
 
 
-def margin_of(answer: Answer, pool: Pool, ranges: Mapping[str, Range], vehicles: int) -> Floats:
-    """Return the margin of a property proved in real numbers, with `vehicles` vehicles besides the ego."""
+def margin_of(
+    answer: Answer, pool: Pool, ranges: Mapping[str, Range], vehicles: int, columns: Columns | None = None
+) -> Floats:
+    """Return the margin of a property proved in real numbers, with `vehicles` vehicles besides the ego.
 
-    simplifier = Simplifier(pool, Order(Values(pool, ranges, vehicles, USUAL_MARGIN)).settled)
+    `columns` bound the facts if they are not those of a driving scene.
+    """
+    simplifier = Simplifier(pool, Order(Values(pool, ranges, vehicles, USUAL_MARGIN, columns)).settled)
     roots = [simplifier.simplified(root, {}) for root in (answer.undecided, answer.found)]
 
     def walk(wanted: float) -> _Walk:
-        values = Values(pool, ranges, vehicles, wanted)
+        values = Values(pool, ranges, vehicles, wanted, columns)
         result = _Walk(values)
         for root in roots:
             result.visit(root, values.start)

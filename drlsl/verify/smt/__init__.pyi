@@ -1,7 +1,7 @@
-from .booleans import Bool, leaves
-from .formula import Finite, Formula, NotTranslatable, Row
+from .booleans import Bool, Booleans, holds, leaves
+from .formula import Constant, Finite, Formula, NotTranslatable, Row
 from .known_answers import KnownAnswers
-from .polynomials import Polynomial, Rational
+from .polynomials import Polynomial, Rational, evaluate
 from .second import Judges, SolverChoice
 from .solver import Outcome, Solver, answers_file
 from .symbolic import FOCUS, NOBODY, Model, SymbolicScene
@@ -12,6 +12,8 @@ __all__ = [
     "NOBODY",
     "Algebra",
     "Bool",
+    "Booleans",
+    "Constant",
     "Finite",
     "Formula",
     "Judges",
@@ -27,5 +29,7 @@ __all__ = [
     "SymbolicScene",
     "Value",
     "answers_file",
+    "evaluate",
+    "holds",
     "leaves",
 ]
