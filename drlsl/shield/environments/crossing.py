@@ -1,48 +1,39 @@
-"""highway-env's crossings, intersection-v0 and roundabout-v0, with the rules of rules/envs/crossing.pl."""
+"""highway-env's crossings, intersection-v0 and roundabout-v0, with the rules of rules/envs/crossing.pl.
+
+The facts are geometry: where on their ways the ego and another would come too near. When they are there is
+for the rules to say.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import gymnasium
 
+from drlsl.errors import UserError
 from drlsl.lowering import Relation, Schema
 from drlsl.shield.environments.meta_actions import FALLBACK, meta_actions
+from drlsl.shield.environments.ways import Sampled, Way, meetings
 from drlsl.shield.fact_forms import Facts
 from drlsl.shield.wrapper import LogicShield
 
 RULES: Final = "envs/crossing.pl"
 
-STEP: Final = 0.4
-STEPS: Final = 8
-"""Time between two predicted places [s], and how many there are."""
+HORIZON: Final = 3.0
+"""How far the rules look ahead [s]: three decisions, a second each."""
 
 SIGHT: Final = 60.0
 """How far the ego sees [m]."""
 
-LAG: Final = 0.6
-"""Time constant with which the ego's speed approaches its target [s]. Source: `ControlledVehicle.TAU_ACC`."""
-
-SIDE_LAG: Final = 0.7
-"""Time constant with which a vehicle approaches the centre line of its lane [s], about."""
-
-SPEEDING_UP: Final = 0.5
-SLOWING_DOWN: Final = 1.0
-"""How others may change their speed [m/s²]."""
-
-PLANS: Final = {"stop": (-1, -2, -3), "go": (1, 2, 3), "through": (1, 2, 1, 0, -1)}
-"""What the ego does after an action: its speed at each later decision, counted from that of the action."""
-
-_PLACE: Final = ("float",) * 4
-
 SCHEMA: Final = Schema(
     [
-        Relation("ego", ("float", "float", "float", "int", "atom"), single=True),
-        Relation("car", ("int", "float", "float", "float", "int", "atom"), key=0, capacity=16),
-        Relation("ego_path", ("atom", "atom", "int", *_PLACE, "float"), capacity=128),
-        Relation("path", ("int", "int", "atom", "int", *_PLACE), capacity=1024),
+        Relation("ego", ("float", "int", "atom"), single=True),
+        Relation("speeds", ("float", "float", "float"), single=True),
+        Relation("aim", ("atom", "int", "float"), capacity=8),
+        Relation("line", ("int", "float", "float"), capacity=4),
+        Relation("zone", ("int", "int", *("float",) * 7, "int", "atom"), capacity=64),
     ]
 )
 """The facts of rules/envs/crossing.pl."""
@@ -55,126 +46,99 @@ def shield_crossing(env: gymnasium.Env[Any, Any], **settings: Any) -> LogicShiel
     """Return intersection-v0 or roundabout-v0 of highway-env behind a shield; `settings` are LogicShield's.
 
     Raises:
-        UserError: the actions are others.
+        UserError: the actions are others, or decisions are not a second apart.
     """
     actions = meta_actions(env, lateral=False)
+    frequency = env.unwrapped.config["policy_frequency"]  # type: ignore[attr-defined]
+    if frequency != 1:
+        raise UserError(
+            f"policy_frequency is {frequency}; expected 1: the rules look ahead three decisions of a second"
+        )
     given = {"fallback": FALLBACK, **settings}
     return LogicShield(env, RULES, actions=actions, facts=crossing_facts, schema=SCHEMA, **given)
 
 
 def crossing_facts(world: Any) -> Facts:
     """Return the facts of the present state of an environment of highway-env with crossing traffic."""
-    ego, network = world.vehicle, world.road.network
-    route = _route(network, ego, ego.target_lane_index)
-    others = [
-        (number, car)
+    ego, network, sampled = world.vehicle, world.road.network, Sampled(world.road.network)
+    speeds = [float(one) for one in ego.target_speeds]
+    others = {
+        number: car
         for number, car in enumerate(world.road.vehicles)
         if car is not ego and math.dist(car.position, ego.position) <= SIGHT
-    ]
-    rank = min(network.get_lane(index).priority for index in route[:2])
+    }
+    aims = list(_aims(world))
+    routes: dict[tuple[Index, ...], int] = {}
+    for _, route, _ in aims:
+        routes.setdefault(route, len(routes))
+    own = aims[0][1]
+    reach = max(float(ego.speed), speeds[-1]) * HORIZON
+    ways = [Way.along(sampled, route, ego, reach) for route in routes]
+    paths = [(number, way) for number, car in others.items() for way in _ways(sampled, car)]
+    rank = min(network.get_lane(index).priority for index in own[:2])
     return {
-        ("ego", 5): [(ego.speed, ego.LENGTH, ego.WIDTH, int(rank), _place(ego.lane_index))],
-        ("car", 6): [
-            (number, car.speed, car.LENGTH, car.WIDTH, int(car.lane.priority), _place_beside(car, ego))
-            for number, car in others
+        ("ego", 3): [(ego.speed, int(rank), _place(ego.lane_index))],
+        ("speeds", 3): [(speeds[0], speeds[1] - speeds[0], speeds[-1])],
+        ("aim", 3): [(action, routes[route], speed) for action, route, speed in aims],
+        ("line", 3): [
+            (way, *line) for route, way in routes.items() if (line := _line(network, route, ego)) is not None
         ],
-        ("ego_path", 8): list(_ego_paths(world, route)),
-        ("path", 8): [row for number, car in others for row in _paths(network, number, car)],
+        ("zone", 11): [
+            (number, way, *zone, *_about(others[number], ego)) for way, number, zone in meetings(ways, paths)
+        ],
     }
 
 
-class _Point(NamedTuple):
-    """A place on a route: x and y [m], and the direction as a unit vector."""
-
-    x: float
-    y: float
-    right: float
-    down: float
-
-
-def _ego_paths(world: Any, route: Sequence[Index]) -> Iterator[tuple[Any, ...]]:
-    """Yield action, plan, step and place of the ego, and how far its front is past the line of a crossing."""
+def _aims(world: Any) -> Iterator[tuple[str, tuple[Index, ...], float]]:
+    """Yield the actions that do anything, each with its route and the speed that it steers for."""
     ego, network = world.vehicle, world.road.network
-    speeds, period = [float(one) for one in ego.target_speeds], 1.0 / world.config["policy_frequency"]
+    speeds = [float(one) for one in ego.target_speeds]
     nearest = int(ego.speed_to_index(ego.speed))
-    kept = min(range(len(speeds)), key=lambda number: abs(speeds[number] - ego.target_speed))
-    ways = {"idle": (kept, route), "slower": (max(nearest - 1, 0), route)}
+    own = _route(network, ego, ego.target_lane_index)
+    kept = min(speeds, key=lambda speed: abs(speed - ego.target_speed))
+    yield "slower", own, speeds[max(nearest - 1, 0)]
+    yield "idle", own, kept
     if nearest + 1 < len(speeds):
-        ways["faster"] = (nearest + 1, route)
+        yield "faster", own, speeds[nearest + 1]
     start, end, lane = ego.target_lane_index
+    lanes = len(network.graph[start][end]) if world.action_type.lateral else 0
     for action, side in (("lane_left", lane - 1), ("lane_right", lane + 1)):
-        index = (start, end, side)
-        lanes = len(network.graph[start][end]) if world.action_type.lateral else 0
-        if 0 <= side < lanes and network.get_lane(index).is_reachable_from(ego.position):
-            ways[action] = (kept, _route(network, ego, index))
-    for action, (number, way) in ways.items():
-        along, across = network.get_lane(way[0]).local_coordinates(ego.position)
-        for plan, changes in PLANS.items():
-            later = (min(max(number + change, 0), len(speeds) - 1) for change in changes)
-            targets = [speeds[number], *(speeds[one] for one in later)]
-            for step in range(1, STEPS + 1):
-                s = along + _way(float(ego.speed), targets, period, step * STEP)
-                point = _at(network, way, s, across * math.exp(-step * STEP / SIDE_LAG))
-                yield (action, plan, step, *point, _past_line(network, way, s, ego.LENGTH))
+        if 0 <= side < lanes and network.get_lane((start, end, side)).is_reachable_from(ego.position):
+            yield action, _route(network, ego, (start, end, side)), kept
 
 
-def _way(speed: float, targets: Sequence[float], period: float, time: float) -> float:
-    """Return how far the ego comes in `time` if it steers for each of the speeds for one period."""
-    way = 0.0
-    for number, target in enumerate(targets):
-        lasts = min(period, time) if number < len(targets) - 1 else time
-        rest = math.exp(-lasts / LAG)
-        way += target * lasts + (speed - target) * LAG * (1.0 - rest)
-        speed, time = target + (speed - target) * rest, time - lasts
-    return way
+def _speed(car: Any) -> float:
+    return 0.0 if car.crashed else max(float(car.speed), 0.0)
 
 
-def _paths(network: Any, number: int, car: Any) -> Iterator[tuple[Any, ...]]:
-    """Yield car, branch, speed and step of every place where another vehicle may be.
-
-    It may take any branch, for its route is not to be seen, and keep its speed, speed up or slow down.
-    """
-    along, across = car.lane.local_coordinates(car.position)
-    speed = 0.0 if car.crashed else max(float(car.speed), 0.0)
-    times = [step * STEP for step in range(1, STEPS + 1)]
-    top = max(speed, car.lane.speed_limit or speed)
-    ways = {"steady": [speed * time for time in times]}
-    if not car.crashed:
-        ways["speeding_up"] = [_changed(speed, top, SPEEDING_UP, time) for time in times]
-        ways["slowing_down"] = [_changed(speed, 0.0, -SLOWING_DOWN, time) for time in times]
-    for branch, route in enumerate(_branches(network, car.lane_index, along, _farthest(ways))):
-        for manner, distances in ways.items():
-            for step, (time, way) in enumerate(zip(times, distances, strict=True), start=1):
-                point = _at(network, route, along + way, across * math.exp(-time / SIDE_LAG))
-                yield (number, branch, manner, step, *point)
+def _top(car: Any) -> float:
+    """Return the highest speed of another vehicle: its lane's limit, or its own if that is higher [m/s]."""
+    return 0.0 if car.crashed else max(_speed(car), float(car.lane.speed_limit or 0.0))
 
 
-def _farthest(ways: dict[str, list[float]]) -> float:
-    """Return the farthest that a vehicle may come [m]."""
-    return max(distances[-1] for distances in ways.values())
+def _ways(sampled: Sampled, car: Any) -> Iterator[Way]:
+    """Yield every way that another vehicle may take, for its route is not to be seen."""
+    along, _ = car.lane.local_coordinates(car.position)
+    reach = _top(car) * HORIZON
+    for route in _branches(sampled.network, car.lane_index, along, reach):
+        yield Way.along(sampled, route, car, reach)
 
 
-def _changed(speed: float, last: float, acceleration: float, time: float) -> float:
-    """Return how far a vehicle comes that changes its speed to `last`."""
-    changes = min(time, (last - speed) / acceleration)
-    return speed * changes + acceleration * changes * changes / 2 + last * (time - changes)
-
-
-def _branches(network: Any, index: Index, along: float, reach: float) -> Iterator[list[Index]]:
+def _branches(network: Any, index: Index, along: float, reach: float) -> Iterator[tuple[Index, ...]]:
     """Yield every route from a place in a lane that goes `reach` far."""
     lane = network.get_lane(index)
     rest = reach - (lane.length - along)
     if rest < 0.0 or index[1] not in network.graph:
-        yield [index]
+        yield (index,)
         return
     end = lane.position(lane.length, 0.0)
     for following in network.graph[index[1]]:
         number, _ = network.next_lane_given_next_road(*index, following, None, end)
         for route in _branches(network, (index[1], following, number), 0.0, rest):
-            yield [index, *route]
+            yield (index, *route)
 
 
-def _route(network: Any, ego: Any, index: Index) -> list[Index]:
+def _route(network: Any, ego: Any, index: Index) -> tuple[Index, ...]:
     """Return the lanes of the ego's route from the lane `index` on."""
     route = [index]
     for start, end, number in ego.route or ():
@@ -183,41 +147,37 @@ def _route(network: Any, ego: Any, index: Index) -> list[Index]:
             place = lane.position(lane.length, 0.0)
             number, _ = network.next_lane_given_next_road(*route[-1], end, number, place)
             route.append((start, end, number))
-    return route
+    return tuple(route)
 
 
-def _at(network: Any, route: Sequence[Index], along: float, across: float) -> _Point:
-    """Return the place on a route, counted from the beginning of its first lane."""
-    index, along = _lane_at(network, route, along)
-    lane = network.get_lane(index)
-    x, y = lane.position(along, across)
-    heading = lane.heading_at(along)
-    return _Point(float(x), float(y), math.cos(heading), math.sin(heading))
+def _line(network: Any, route: Sequence[Index], ego: Any) -> tuple[float, float] | None:
+    """Return how far the ego is from where its front is past the line of a crossing, and from its end [m].
 
-
-def _lane_at(network: Any, route: Sequence[Index], along: float) -> tuple[Index, float]:
-    for index in route[:-1]:
-        length = network.get_lane(index).length
-        if along <= length:
-            return index, along
-        along -= length
-    return route[-1], along
-
-
-def _past_line(network: Any, route: Sequence[Index], along: float, length: float) -> float:
-    """Return how far the front is past the line while the vehicle has not left the crossing [m].
-
-    Negative before the line; 0 behind the crossing, and where there is no line, as on a roundabout.
+    None on a roundabout, which has no line, and behind the crossing.
     """
-    index, rest = _lane_at(network, route, along)
-    if _place(index) == "approach" and index[1].startswith("ir"):
-        return rest + length / 2 - float(network.get_lane(index).length)
-    return rest + length / 2 if index[0].startswith("ir") else 0.0
+    place = -float(network.get_lane(route[0]).local_coordinates(ego.position)[0])
+    for index in route:
+        length = float(network.get_lane(index).length)
+        if index[1].startswith("ir"):
+            inside = next((network.get_lane(one).length for one in route if one[0] == index[1]), 0.0)
+            return place + length - ego.LENGTH / 2, place + length + float(inside)
+        if index[0].startswith("ir"):
+            return place - ego.LENGTH / 2, place + length
+        place += length
+    return None
+
+
+def _about(car: Any, ego: Any) -> tuple[float, float, int, str]:
+    """Return speed, highest speed, priority and place of another vehicle."""
+    return _speed(car), _top(car), int(car.lane.priority), _place_beside(car, ego)
 
 
 def _place_beside(car: Any, ego: Any) -> str:
-    """Return the place of another vehicle; own if it is in the ego's lane."""
-    return "own" if car.lane_index == ego.lane_index else _place(car.lane_index)
+    """Return the place of another vehicle; in the ego's lane, behind it or beside it."""
+    if car.lane_index != ego.lane_index:
+        return _place(car.lane_index)
+    ahead = ego.lane.local_coordinates(car.position)[0] - ego.lane.local_coordinates(ego.position)[0]
+    return "behind" if ahead < 0.0 else "beside"
 
 
 def _place(index: Index) -> str:

@@ -1,57 +1,84 @@
-"""rules/envs/crossing.pl on paths made up, against the exact overlap of two rectangles."""
+"""rules/envs/crossing.pl on ways made up, against the exact overlap of rectangles in small steps."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
 from drlsl.errors import UserError
-from drlsl.shield import ActionRules, Facts
+from drlsl.logic import Engine
+from drlsl.shield import ActionRules, Facts, consult_rules
 from drlsl.shield.environments import shield_crossing
-from drlsl.shield.environments.crossing import RULES, SCHEMA, STEP, STEPS
+from drlsl.shield.environments.crossing import HORIZON, RULES, SCHEMA
 from drlsl.shield.environments.meta_actions import FALLBACK
+from drlsl.shield.environments.ways import GRID, ROOM_ACROSS, ROOM_ALONG, Way, meetings, zones
+from drlsl.traffic import Floats
 
 ACTIONS = ("slower", "idle", "faster")
-SPEEDS = {"slower": 0.0, "idle": 4.5, "faster": 9.0}
-PLANS = {"stop": -4.5, "go": 4.5, "through": 0.0}
-MANNERS = {"steady": 0.0, "speeding_up": 0.5, "slowing_down": -1.0}
+
+SPEEDS = (0.0, 4.5, 9.0)
+PLANS = {"stop": (0, -1, -2), "go": (0, 1, 2)}
 LENGTH, WIDTH = 5.0, 2.0
+LAG = 0.6
 
 
-class Box(NamedTuple):
-    """A vehicle: its centre, and its direction as a unit vector."""
+@dataclass
+class Straight:
+    """A vehicle on a straight way."""
 
     x: float
     y: float
-    right: float
-    down: float
+    heading: float
+    speed: float = 0.0
 
-    def corners(self) -> list[tuple[float, float]]:
+    def way(self, reach: float) -> Way:
+        places: Floats = np.arange(math.ceil(reach / GRID) + 2, dtype=np.float64) * GRID
+        right, down = math.cos(self.heading), math.sin(self.heading)
+        same = np.ones(len(places))
+        return Way(self.x + places * right, self.y + places * down, same * right, same * down, LENGTH, WIDTH)
+
+    def corners(self, way: float) -> list[tuple[float, float]]:
+        right, down = math.cos(self.heading), math.sin(self.heading)
+        x, y = self.x + way * right, self.y + way * down
         return [
-            (self.x + a * self.right - b * self.down, self.y + a * self.down + b * self.right)
+            (x + a * right - b * down, y + a * down + b * right)
             for a in (-LENGTH / 2, LENGTH / 2)
             for b in (-WIDTH / 2, WIDTH / 2)
         ]
 
 
-def overlap(one: Box, other: Box) -> bool:
-    """Whether two vehicles overlap: no line along a side of either separates them."""
-    for right, down in (
-        (one.right, one.down),
-        (one.down, -one.right),
-        (other.right, other.down),
-        (other.down, -other.right),
-    ):
-        spans = [[x * right + y * down for x, y in box.corners()] for box in (one, other)]
-        if max(spans[0]) < min(spans[1]) or max(spans[1]) < min(spans[0]):
-            return False
+def overlap(one: list[tuple[float, float]], other: list[tuple[float, float]]) -> bool:
+    """Whether two rectangles overlap: no line along a side of either separates them."""
+    for corners in (one, other):
+        for first, second in ((0, 1), (0, 2)):
+            dx, dy = (corners[second][axis] - corners[first][axis] for axis in (0, 1))
+            spans = [[x * dx + y * dy for x, y in box] for box in (one, other)]
+            if max(spans[0]) < min(spans[1]) or max(spans[1]) < min(spans[0]):
+                return False
     return True
+
+
+def drive(speed: float, targets: list[float], until: float) -> Iterator[tuple[float, float]]:
+    """Yield time and way of an ego that steers for each of the speeds for a second, in steps of 5 ms."""
+    step, way, time = 0.005, 0.0, 0.0
+    yield time, way
+    while time < until:
+        target = targets[min(int(time + 1e-9), len(targets) - 1)]
+        way += speed * step
+        speed += (target - speed) / LAG * step
+        time += step
+        yield time, way
+
+
+def rules(ask: str = "offered(Action)", tier: str = "scalar", text: str = RULES) -> ActionRules:
+    return ActionRules(text, ACTIONS, fallback=FALLBACK, tier=tier, schema=SCHEMA, ask=ask)
 
 
 CLEAR = ":- ensure_loaded('envs/crossing.pl').\n" + "".join(
@@ -59,125 +86,156 @@ CLEAR = ":- ensure_loaded('envs/crossing.pl').\n" + "".join(
 )
 
 
-def rules(ask: str = "offered(Action)", tier: str = "scalar", text: str = RULES) -> ActionRules:
-    return ActionRules(text, ACTIONS, fallback=FALLBACK, tier=tier, schema=SCHEMA, ask=ask)
+@dataclass
+class Crossing:
+    """An ego before the road that it crosses, and others that come to where it will be."""
 
+    ego: Straight
+    line: float
+    cars: list[tuple[Straight, float, int, str]]
 
-def ego_rows(line: float) -> list[tuple[Any, ...]]:
-    """An ego 30 m before the road that it crosses, and `line` m before the line; it is through after 45 m."""
-    rows = []
-    for action, speed in SPEEDS.items():
-        for plan, change in PLANS.items():
-            way = 0.0
-            for step in range(1, STEPS + 1):
-                aimed = speed if step * STEP <= 1.0 else min(max(speed + change, 0.0), 9.0)
-                way += aimed * STEP
-                past = way + LENGTH / 2 - line
-                rows.append((action, plan, step, 0.0, 30.0 - way, 0.0, -1.0, past if way < 45.0 else 0.0))
-    return rows
-
-
-def crossings() -> Iterator[Facts]:
-    """An ego on its way to a crossing, and one or two others that come to where it will be."""
-    rng = np.random.default_rng(0)
-    for number in range(200):
-        cars, paths = [], []
-        for car in range(1 + number % 2):
-            heading, speed = rng.uniform(-math.pi, math.pi), rng.uniform(0, 12)
-            place = str(rng.choice(["approach", "inside", "exit"]))
-            cars.append((car, speed, LENGTH, WIDTH, int(rng.integers(3)), place))
-            right, down = math.cos(heading), math.sin(heading)
-            before = speed * rng.uniform(0, 3)  # on the ego's way
-            x, y = rng.uniform(-4, 4) - before * right, rng.uniform(0, 25) - before * down
-            for manner, change in MANNERS.items():
-                for step in range(1, STEPS + 1):
-                    time = step * STEP
-                    way = max(0.0, speed * time + change * time * time / 2)
-                    paths.append((car, 0, manner, step, x + way * right, y + way * down, right, down))
-        yield {
-            ("ego", 5): [(4.5, LENGTH, WIDTH, 1, "approach")],
-            ("car", 6): cars,
-            ("ego_path", 8): ego_rows(float(rng.choice([2.0, 12.0, 30.0]))),
-            ("path", 8): paths,
+    def facts(self) -> Facts:
+        reach = 9.0 * HORIZON
+        paths = [(number, car.way(top * HORIZON)) for number, (car, top, _, _) in enumerate(self.cars)]
+        about = [(car.speed, top, rank, place) for car, top, rank, place in self.cars]
+        found = meetings([self.ego.way(reach)], paths)
+        return {
+            ("ego", 3): [(self.ego.speed, 1, "approach")],
+            ("speeds", 3): [(0.0, 4.5, 9.0)],
+            ("aim", 3): [(action, 0, speed) for action, speed in zip(ACTIONS, SPEEDS, strict=True)],
+            ("line", 3): [(0, self.line, self.line + 20.0)],
+            ("zone", 11): [(car, way, *zone, *about[car]) for way, car, zone in found],
         }
 
+    def touches(self, action: str, plan: str) -> bool:
+        """Whether the ego overlaps at any time one that keeps its speed, or speeds up by 0.5 m/s2."""
+        number = ACTIONS.index(action)
+        targets = [SPEEDS[min(max(number + change, 0), 2)] for change in PLANS[plan]]
+        for time, way in list(drive(self.ego.speed, targets, HORIZON))[::4]:
+            body = self.ego.corners(way)
+            for car, top, _, _ in self.cars:
+                steady = car.speed * time
+                faster = min(car.speed * time + 0.25 * time * time, top * time)
+                if any(overlap(body, car.corners(one)) for one in (steady, faster)):
+                    return True
+        return False
 
-def touches(facts: Facts, action: str, plan: str) -> bool:
-    """Whether the ego, on that plan, overlaps another vehicle that keeps its speed or speeds up."""
-    ego = {row[2]: Box(*row[3:7]) for row in facts["ego_path", 8] if row[:2] == (action, plan)}
-    return any(
-        overlap(ego[row[3]], Box(*row[4:])) for row in facts["path", 8] if row[2] in ("steady", "speeding_up")
-    )
+
+def crossings(count: int = 120) -> Iterator[Crossing]:
+    rng = np.random.default_rng(0)
+    for number in range(count):
+        cars = []
+        for _ in range(1 + number % 2):
+            heading, speed = rng.uniform(-math.pi, math.pi), rng.uniform(0, 12)
+            before = speed * rng.uniform(0, 3)
+            x, y = (
+                rng.uniform(-4, 4) - before * math.cos(heading),
+                rng.uniform(0, 25) - before * math.sin(heading),
+            )
+            place = str(rng.choice(["approach", "inside", "exit"]))
+            cars.append((Straight(x, y, heading, speed), max(speed, 10.0), int(rng.integers(3)), place))
+        ego = Straight(0.0, 30.0, -math.pi / 2, float(rng.choice([0.0, 4.5, 9.0])))
+        yield Crossing(ego, float(rng.choice([2.0, 12.0, 30.0])), cars)
 
 
-def test_what_is_safe_touches_nobody_within_the_horizon() -> None:
-    """Of the plans after a safe action there is one on which the ego overlaps nobody."""
-    safe, offered = rules("safe(Action)"), rules()
-    counted: Counter[str] = Counter()
-    for facts in crossings():
-        answer = safe.offer(facts)
-        found = set() if answer.failure else set(answer.actions)
-        for action in found:
-            assert not all(touches(facts, action, plan) for plan in PLANS), action
-        ends = {row[:2]: row[7] for row in facts["ego_path", 8] if row[2] == STEPS}
-        for action in set(ACTIONS) - found:
-            counted["unsafe"] += 1
-            for plan in PLANS:
-                if plan == "go" or ends[action, plan] <= 0.0:
-                    counted["unsafe though nobody is touched"] += not touches(facts, action, plan)
-        counted["safe"] += len(found)
-        given = offered.offer(facts)
-        assert not given.failure
-        if found:
-            assert set(given.actions) <= found
-    assert counted["safe"] > 150
-    assert counted["unsafe"] > 50
-    assert counted["unsafe though nobody is touched"] < counted["unsafe"]  # margins, and the right of way
+def test_zones_cover_every_pair_of_places_at_which_two_vehicles_overlap() -> None:
+    rng = np.random.default_rng(1)
+    overlapping = 0
+    for crossing in crossings(60):
+        car = crossing.cars[0][0]
+        found = list(zones(crossing.ego.way(27.0), car.way(30.0)))
+        for one, other in zip(rng.uniform(0, 27, 200), rng.uniform(0, 30, 200), strict=True):
+            if overlap(crossing.ego.corners(one), car.corners(other)):
+                overlapping += 1
+                assert any(z.from_1 <= one <= z.to_1 and z.from_2 <= other <= z.to_2 for z in found)
+    assert overlapping > 500
+
+
+def test_zones_are_no_wider_than_needed() -> None:
+    """Two vehicles that cross at right angles: bodies, rooms and a grid on each side."""
+    (zone,) = zones(Straight(0.0, 20.0, -math.pi / 2).way(27.0), Straight(-20.0, 0.0, 0.0).way(40.0))
+    half = (LENGTH + WIDTH) / 2
+    assert 20.0 - half - ROOM_ALONG - 2 * GRID <= zone.from_1 <= 20.0 - half
+    assert 20.0 + half <= zone.to_1 <= 20.0 + half + ROOM_ALONG + 2 * GRID
+    assert 20.0 - half - ROOM_ACROSS - 2 * GRID <= zone.from_2 <= 20.0 - half
+    assert abs(zone.alike) < 1e-9
 
 
 @pytest.mark.parametrize("plan", PLANS)
-def test_a_clear_plan_touches_nobody(plan: str) -> None:
+def test_a_clear_plan_touches_nobody_at_any_time(plan: str) -> None:
     clear = rules(f"clear_{plan}(Action)", text=CLEAR)
-    count = 0
-    for facts in crossings():
-        offer = clear.offer(facts)
+    counted: Counter[bool] = Counter()
+    for crossing in crossings():
+        offer = clear.offer(crossing.facts())
         found = () if offer.failure else offer.actions
-        assert not any(touches(facts, action, plan) for action in found)
-        count += len(found)
-    assert 50 < count < 550  # of 600
+        for action in ACTIONS:
+            counted[action in found] += 1
+            if action in found:
+                assert not crossing.touches(action, plan), (crossing, action)
+    assert counted[True] > 60
+    assert counted[False] > 60
 
 
-def standing(*, past: float, place: str = "approach", priority: int = 0) -> dict[tuple[str, int], Any]:
-    """An ego 30 m before a crossing, and a car that crosses there at 9 m/s a moment after the ego would."""
-    return {
-        ("ego", 5): [(9.0, LENGTH, WIDTH, 1, "approach")],
-        ("car", 6): [(1, 9.0, LENGTH, WIDTH, priority, place)],
-        ("ego_path", 8): ego_rows(past),
-        ("path", 8): [
-            (1, 0, manner, step, -31.0 + 9.0 * step * STEP, 6.0, 1.0, 0.0)
-            for manner in MANNERS
-            for step in range(1, STEPS + 1)
-        ],
-    }
+def test_what_is_offered_is_safe_if_anything_is() -> None:
+    safe, offered = rules("safe(Action)"), rules()
+    some = 0
+    for crossing in crossings():
+        answer, given = safe.offer(crossing.facts()), offered.offer(crossing.facts())
+        assert not given.failure
+        if not answer.failure:
+            some += 1
+            assert set(given.actions) <= set(answer.actions)
+    assert some > 30
+
+
+def standing(
+    *, place: str = "approach", priority: int = 0, speed: float = 9.0, start: float = -39.0
+) -> Facts:
+    """An ego at 9 m/s, 30 m before a crossing, and a car that crosses there a moment after the ego would."""
+    ego = Straight(0.0, 18.0, -math.pi / 2, 9.0)
+    return Crossing(ego, 12.0, [(Straight(start, 0.0, 0.0, speed), speed, priority, place)]).facts()
 
 
 def test_the_ego_gives_way_to_who_has_it() -> None:
     """The ego would be through before the car, which would have to brake behind it."""
-    safe = rules("safe(Action)")
-    nobody = standing(past=12.0)
-    assert "faster" in safe.offer(nobody).actions
-    for facts in (standing(past=12.0, place="inside"), standing(past=12.0, priority=2)):
-        assert "faster" not in safe.offer(facts).actions
-        assert any("conflict(go,1," in reason for reason in safe.objections(facts, "faster"))
+    clear = rules("clear_go(Action)", text=CLEAR)
+    free = [
+        start
+        for start in np.arange(-80.0, 0.0, 0.5)
+        if "faster" in clear.offer(standing(start=start)).actions
+    ]
+    for place, priority in (("inside", 0), ("approach", 2)):
+        offers = {start: clear.offer(standing(start=start, place=place, priority=priority)) for start in free}
+        held = [start for start, offer in offers.items() if "faster" not in offer.actions]
+        assert 8 <= len(held) <= 10  # half a second at 9 m/s, in steps of half a metre
+
+
+def test_the_share_of_a_difference_that_is_left_is_exponential() -> None:
+    engine = Engine()
+    consult_rules(engine, RULES)
+    left = {solution["N"]: solution["F"] for solution in engine.query("left(N, F)")}
+    assert left == pytest.approx({quarter: math.exp(-quarter / 4 / LAG) for quarter in range(5)}, abs=1e-9)
 
 
 def test_the_interpreter_offers_the_same() -> None:
     scalar, interpreter = rules(), rules(tier="interpreter")
-    for facts in list(crossings())[:2]:
-        assert set(interpreter.offer(facts).actions) == set(scalar.offer(facts).actions)
+    for crossing in list(crossings())[:3]:
+        assert set(interpreter.offer(crossing.facts()).actions) == set(scalar.offer(crossing.facts()).actions)
     assert interpreter.counts.fail_safes == 0
 
 
 def test_an_environment_with_other_actions_is_refused() -> None:
     with pytest.raises(UserError, match=r"expected an environment of highway-env"):
         shield_crossing(gymnasium.make("CartPole-v1"))
+
+
+def test_decisions_must_be_a_second_apart() -> None:
+    class Crossroads(gymnasium.Env[Any, Any]):
+        action_space = gymnasium.spaces.Discrete(3)
+        config = {"policy_frequency": 2}  # noqa: RUF012
+
+        class action_type:
+            actions_indexes = {"SLOWER": 0, "IDLE": 1, "FASTER": 2}  # noqa: RUF012
+
+    with pytest.raises(UserError, match="policy_frequency is 2; expected 1"):
+        shield_crossing(Crossroads())
