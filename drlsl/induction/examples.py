@@ -33,11 +33,12 @@ class Examples:
 
     def words(self, place: int) -> str:
         """Return where an example comes from, its choice and its quantities, `-` for none."""
-        values = ", ".join(
+        values = dict.fromkeys(  # a condition of either direction is two quantities, which say the same
             f"{_short(str(one), one.variable)} {one.words(int(ease))}"
             for one, ease in zip(self.bias.quantities, self.eases[place], strict=True)
         )
-        return f"{self.origin[place]}, {self.bias.choice_words(int(self.choice[place]))}: {values}"
+        choice = self.bias.choice_words(int(self.choice[place]))
+        return f"{self.origin[place]}, {choice}: {', '.join(values)}"
 
 
 def _short(quantity: str, variable: str) -> str:

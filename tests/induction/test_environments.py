@@ -198,6 +198,7 @@ def test_a_sled_learns_to_stop(tmp_path: Path) -> None:
     text = out.read_text()
     assert "forall(margin(Action, V1), V1 >= 0.0)" in text
     assert "% Clause 1 offers " in text
+    assert result.examples.words(0).count("pushes") == 1
     inner = Sled()
     env = LogicShield(inner, [out], actions=sled.actions, facts=sled.facts, fallback="brake", mode="raise")
     rng = np.random.default_rng(0)

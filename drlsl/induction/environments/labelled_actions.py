@@ -22,7 +22,7 @@ from drlsl.induction.environments.state_bias import StateBias
 from drlsl.workers import Crew, Function, Stop, in_order
 
 BLOCK: Final = 4
-"""Episodes that are labelled, or driven under stress, in one piece of work."""
+"""Episodes that are labelled, or judge, in one piece of work."""
 
 
 @dataclass(frozen=True, slots=True)

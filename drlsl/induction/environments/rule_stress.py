@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.induction.environments.futures import Episode, Way
-from drlsl.induction.environments.labelled_actions import BLOCK, lookahead_in
+from drlsl.induction.environments.labelled_actions import lookahead_in
 from drlsl.induction.environments.learning_domain import NamedDomain
 from drlsl.induction.environments.lookahead import Verdict
 from drlsl.induction.environments.plain_facts import PlainFacts, as_facts
@@ -20,6 +20,9 @@ from drlsl.induction.environments.state_bias import StateBias
 from drlsl.induction.search_problem import LearntClause, covered
 from drlsl.shield import ActionRules
 from drlsl.workers import Crew, Function, Stop, in_order
+
+BLOCK: Final = 20
+"""Episodes of stress after which one looks whether a bad action was found: one alone is worth no round."""
 
 _REMEMBERED: Final = 10_000
 """States of which what the rules said is kept."""
