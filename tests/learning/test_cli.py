@@ -251,7 +251,8 @@ def test_a_second_interrupt_stops_at_once(tmp_path: Path) -> None:
     time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=60)
-    assert process.returncode == 130
+    # where the second comes when all is done, Python ends by the signal itself, which shells call 130, too
+    assert process.returncode in (130, -signal.SIGINT)
     assert "--resume" in out.splitlines()[-1]
     assert run(["train", "--resume", "--out", "run"]) == 0
     assert len((tmp_path / "run" / "metrics.csv").read_text().splitlines()) == 21

@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drlsl.logic.core import variant
@@ -36,6 +36,7 @@ def _read(text: str, operators: Operators) -> Term:
 
 @settings(max_examples=120, deadline=None)
 @given(terms(_VARIABLES), operator_tables())
+@example(Atom("a\u00b7"), Operators())  # Unicode has it in identifiers, though it is no letter
 def test_quoted_text_reads_back_as_a_variant(term: Term, operators: Operators) -> None:
     text = format_term(term, operators, quoted=True)
     assert variant(_read(text, operators), term), text

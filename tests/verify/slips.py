@@ -201,8 +201,8 @@ SLIPS: dict[str, Slip] = {
     ),
     "one vehicle fewer than are enough": Slip(
         "scope:Need.__len__",
-        "named + self.more + self.focus",
-        "max(0, named + self.more + self.focus - 1)",
+        "self.rows().total()",
+        "max(0, self.rows().total() - 1)",
         f"{TWO}, V1 > 60.0, V2 < -60.0",
         vehicles=6,
     ),

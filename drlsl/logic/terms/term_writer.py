@@ -12,6 +12,7 @@ from drlsl.logic.terms.operators import Operators
 from drlsl.logic.terms.term import NIL, Atom, CyclicTerm, Struct, Term, Var, deref, is_acyclic
 
 # Source: ISO 13211-1 6.4.2 (name tokens); letters and symbols beyond ASCII follow SWI-Prolog.
+_WORD: Final = re.compile(r"[^\W\d_]\w*")
 _PLAIN_ATOM: Final = re.compile(r"[a-z]\w*|[#$&*+\-./:<=>?@^~\\]+|[^\x00-\x7f\w\s]+|\[\]|\{\}|!|;")
 _SYMBOL: Final = frozenset("#$&*+-./:<=>?@^~\\")
 _ESCAPES: Final = {
@@ -32,7 +33,7 @@ def format_atom(name: str) -> str:
     """Return the atom's text as it can be read back: quoted if necessary."""
     if _PLAIN_ATOM.fullmatch(name) and not name.startswith("/*") and name != ".":
         return name
-    if name[:1].isalpha() and name.isidentifier() and not (name[0].isupper() or name[0].istitle()):
+    if _WORD.fullmatch(name) and name.isidentifier() and not (name[0].isupper() or name[0].istitle()):
         return name
     return _quote(name, "'")
 
