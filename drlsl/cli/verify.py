@@ -113,16 +113,19 @@ def verify(
 def _told(request: Request, out: Path | None, *, as_json: bool) -> bool:
     """Prove properties of rules for another environment; return False if they are about driving scenes."""
     from drlsl.errors import UserError
-    from drlsl.verify.told import declares_facts, verify_facts
+    from drlsl.verify.told import load_told, verify_facts
 
-    if not declares_facts(request):
+    book = load_told(request)
+    if book is None:
         return False
+    if request.crew.ray is not None:
+        raise UserError("--ray: proofs about facts of other environments take one process; leave it out")
     if out is not None:
         raise UserError(
             "--out writes scenes of driving; facts of other environments are in the report and in --json"
         )
     results = []
-    for result in verify_facts(request):
+    for result in verify_facts(request, book):
         results.append(result)
         if not as_json:
             print("\n".join(_facts_lines(result)), flush=True)

@@ -10,6 +10,7 @@ from drlsl.errors import UserError
 
 pytest.importorskip("z3", reason="the extra 'verify' is not installed")
 
+import drlsl.verify.told.facts_proof as facts_proof
 from drlsl.verify import Request
 from drlsl.verify.told import FactsResult, verify_facts
 
@@ -59,6 +60,27 @@ def test_an_error_of_the_rules_breaks_a_property(tmp_path: Path) -> None:
     result = proved(tmp_path, text, RULES.replace("V * 2.0", "V / (V - V)"))
     assert (result.status, result.facts is not None) == ("refuted", True)
     assert "evaluation error" in (result.error or "")
+
+
+BROKEN = "property(room, 'x'). violates(room) :- offered(go), car(I, V, left), gap(I, D), D < V * 2.5."
+
+
+def test_the_attack_finds_what_a_prover_overlooks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(facts_proof._Question, "_is_impossible", lambda *_: True)
+    result = proved(tmp_path, BROKEN)
+    assert (result.status, result.prover_error, result.facts is not None) == ("refuted", True, True)
+    text = "property(room, 'x'). violates(room) :- offered(go), limit(V), V > 50.0."
+    result = proved(tmp_path, text, RULES.replace("V * 2.0", "V / (V - V)"))
+    assert (result.status, result.prover_error) == ("refuted", True)
+    assert "evaluation error" in (result.error or "")
+
+
+def test_tiers_that_disagree_are_no_proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(facts_proof._Question, "_is_impossible", lambda *_: True)
+    monkeypatch.setattr(facts_proof._Replay, "breaks", lambda *_: None)
+    result = proved(tmp_path, BROKEN)
+    assert (result.status, result.prover_error) == ("unknown", False)
+    assert "do not agree" in result.reason
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
 from .declared import Declared, declared_facts
-from .facts_proof import FactsResult, declares_facts, verify_facts
+from .facts_proof import FactsResult, load_told, verify_facts
 
 __all__ = [
     "Declared",
     "FactsResult",
     "declared_facts",
-    "declares_facts",
+    "load_told",
     "verify_facts",
 ]

@@ -44,6 +44,8 @@ _BATCH: Final = 2048
 _DRAWN: Final = 0.5
 _CLOSE: Final = 1e-3
 _MOST_HITS: Final = 16
+_SUSPECTS_OF_A_BATCH: Final = 4
+_MOST_SUSPECTS: Final = 192
 _SLOTS: Final = (3.0, 12.0)
 _SHORT: Final = 1.0
 
@@ -94,24 +96,27 @@ class FactsResult:
         }
 
 
-def declares_facts(request: Request) -> bool:
-    """Return whether the files of properties declare the facts of an environment.
+def load_told(request: Request) -> Book | None:
+    """Return the rules and properties of a request if they declare the facts of an environment, else None.
 
     Raises:
         UserError, PrologError: as `drlsl.verify.properties.load`.
     """
-    return bool(request.properties) and load(request.rules, request.properties).told is not None
+    book = load(request.rules, request.properties) if request.properties else None
+    return None if book is None or book.told is None else book
 
 
-def verify_facts(request: Request) -> Iterator[FactsResult]:
+def verify_facts(request: Request, book: Book | None = None) -> Iterator[FactsResult]:
     """Prove or refute every property over all sets of facts, and yield each result.
+
+    `book` is what `load_told` returns for the request, if it was called before.
 
     Raises:
         UserError: a file cannot be read, declares no facts, or there is no such property.
         PrologError: a file is not a valid program.
     """
-    book = load(request.rules, request.properties)
-    if book.told is None:
+    book = book or load_told(request)
+    if book is None or book.told is None:
         raise UserError("no facts: a file of properties of an environment has facts(Fact, Rows)")
     names = [one.name for one in book.properties]
     for name in request.only:
@@ -322,18 +327,19 @@ class _Attack:
         self._replay = replay
         self._scenes = request.attack
         self._rng = np.random.default_rng([request.seed, crc32(self._answer.query.name.encode())])
-        self._hits = 0
+        self._hits = self._suspects = 0
 
     def run(self, result: FactsResult) -> None:
         """Try all sets, or stop at one that breaks the property."""
-        if self._answer.found.is_const:
+        if self._answer.found.is_const and self._answer.undecided.is_const:
             return
         best: Sets | None = None
         far = np.empty(0)
-        while result.scenes < self._scenes and result.status != "refuted":
+        size = min(_BATCH, self._scenes)
+        while result.scenes < self._scenes and result.status not in ("refuted", "unknown"):
             fresh = best is None or result.scenes < _DRAWN * self._scenes
             sets = (
-                self._drawer.draw(self._rng, _BATCH)
+                self._drawer.draw(self._rng, size)
                 if best is None or fresh
                 else self._drawer.changed(self._rng, best)
             )
@@ -355,12 +361,20 @@ class _Attack:
         result.close += int((distance < _CLOSE).sum())
         for number in np.flatnonzero(broken)[: max(0, _MOST_HITS - self._hits)]:
             self._hits += 1
-            found = self._replay.breaks(self._drawer.facts(sets, int(number)))
-            if found is not None:
-                result.facts, result.error = found
-                result.status, result.prover_error = "refuted", True
-                result.reason = (
-                    "facts break it although it was proved, by an error of the prover or of rounding"
-                )
-                break
+            self._look_into(self._drawer.facts(sets, int(number)), result, decided=True)
+        undecided = np.broadcast_to(answers.undecided, len(sets))
+        for number in np.flatnonzero(undecided)[: min(_SUSPECTS_OF_A_BATCH, _MOST_SUSPECTS - self._suspects)]:
+            self._suspects += 1
+            self._look_into(self._drawer.facts(sets, int(number)), result, decided=False)
         return distance
+
+    def _look_into(self, facts: _Facts, result: FactsResult, *, decided: bool) -> None:
+        """Run interpreter and generated code on facts that the array tier has broken, or left undecided."""
+        found = self._replay.breaks(facts)
+        if found is not None:
+            result.facts, result.error = found
+            result.status, result.prover_error = "refuted", True
+            result.reason = "facts break it although it was proved, by an error of the prover or of rounding"
+        elif decided and result.status != "refuted":
+            result.facts, result.status = facts, "unknown"
+            result.reason = "the array tier and the interpreter do not agree on facts: please report it"
