@@ -41,6 +41,7 @@ def view(
     """
     from drlsl.driving.page import write_page
     from drlsl.driving.shield import Shield
+    from drlsl.traffic import counted
 
     if out.suffix.lower() not in (".html", ".htm"):
         raise UserError(f"{out}: expected a file that ends in .html")
@@ -50,8 +51,8 @@ def view(
         Shield.from_files(rules)  # who names rules wants those, not a page that plays without
     episodes = [episode for name in what for episode in _episodes(Path(name), rules)]
     write_page(out, episodes, title=title or _title(episodes), rules=rules or (), every=every)
-    frames = sum(map(len, episodes))
-    typer.echo(f"wrote {out}: {len(episodes)} episodes, {frames} frames, {out.stat().st_size / 1000:.0f} kB")
+    shown = f"{counted(len(episodes), 'episode')}, {counted(sum(map(len, episodes)), 'frame')}"
+    typer.echo(f"wrote {out}: {shown}, {out.stat().st_size / 1000:.0f} kB")
 
 
 def _title(episodes: list[Episode]) -> str:

@@ -16,7 +16,7 @@ from drlsl.cli import run
 from drlsl.driving.drivers import Situations, make_driver
 from drlsl.driving.explain import objections
 from drlsl.driving.page import write_page
-from drlsl.driving.scene import Action, load_scene
+from drlsl.driving.scene import Action, load_scene, write_scenes
 from drlsl.driving.shield import Shield
 from drlsl.files import digest
 from tests.driving.driven import drive
@@ -54,6 +54,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pages")
     scene = ROOT / "examples" / "scene.json"
     assert run(["view", str(scene), "--out", str(folder / "scene.html")]) == 0
+    ending = load_scene(scene)
+    lanes = [replace(lane, end=ending.ego.x + 40.0) if lane.id == 5 else lane for lane in ending.road.lanes]
+    write_scenes(folder, {"ramp": replace(ending, road=replace(ending.road, lanes=tuple(lanes)))})
+    assert run(["view", str(folder / "ramp.json"), "--out", str(folder / "ramp.html")]) == 0
     rules = Shield.default().files()
     digests = {path.name: digest([path]) for path in rules}
     (one,) = drive(seeds=(3,), track_length=900.0)

@@ -6,6 +6,8 @@ export interface Lane {
   centre_m: number;
   width_m: number;
   speed_limit_mps: number;
+  // Where the lane ends; absent if it goes on.
+  end_m?: number;
 }
 
 export interface Box {

@@ -153,6 +153,19 @@ class Painter {
         this.chevrons(lane);
       });
     }
+    for (const lane of lanes) if (lane.end_m !== undefined) this.end(lane, lane.end_m);
+  }
+
+  // Grass beyond the end of a lane, and a line at it: the outer line goes, the one to the next lane stays.
+  private end(lane: Lane, x: number): void {
+    const { context, camera } = this;
+    const sign = lane.direction === "left_to_right" ? 1 : -1;
+    const [at, top] = this.point(x, lane.centre_m - lane.width_m / 2);
+    const height = lane.width_m * camera.across;
+    const [begin, stop] = sign > 0 ? [Math.max(0, at), camera.width] : [0, Math.min(at, camera.width)];
+    context.fillStyle = this.colour("grass");
+    if (stop > begin) context.fillRect(begin, top + 2 * sign, stop - begin, height + 1);
+    this.line([[at, top], [at, top + height]], this.colour("line"), 4);
   }
 
   private dashes(y: number): void {

@@ -65,6 +65,23 @@ test("a newcomer reads why the car does not change lanes", () =>
     assert.match(await page.locator("canvas.road").getAttribute("aria-label"), /left lane change is refused because sports_car/);
   }));
 
+test("a lane that ends has grass beyond its end", () =>
+  open("ramp.html", async (page) => {
+    // Along the middle of the road's lowest lane: asphalt, the line at its end, grass.
+    const changes = await page.evaluate(() => {
+      const canvas = document.querySelector("canvas.road");
+      const context = canvas.getContext("2d");
+      const row = (top) => [...Array(canvas.width).keys()].map((x) => context.getImageData(x, top, 1, 1).data.slice(0, 3).join());
+      const grass = row(1)[0];
+      const column = [...Array(canvas.height).keys()].map((y) => context.getImageData(2, y, 1, 1).data.slice(0, 3).join());
+      const bottom = column.findLastIndex((colour) => colour !== grass);
+      const colours = row(bottom - 12);
+      return { first: colours[2] === grass, last: colours.at(-3) === grass, from: colours.indexOf(grass) / canvas.width };
+    });
+    assert.deepEqual([changes.first, changes.last], [false, true]);
+    assert.ok(changes.from > 0.5 && changes.from < 0.95, `${changes.from}`);
+  }));
+
 test("it plays, pauses, steps and scrubs", () =>
   open("drives.html", async (page) => {
     assert.equal(await time(page), 0);
