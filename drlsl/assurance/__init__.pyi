@@ -1,23 +1,29 @@
 from .case_rows import EgoRow, LaneRow, RoadRow, Staging, VehicleRow
 from .case_runs import Outcome, run_cases
 from .coverage import Coverage, measure
+from .driving_rules import DrivingRules
+from .driving_table import load_table
 from .mutation import Score, Verdict, score
 from .survivors import reasons_of
-from .tables import load_table, tables_of
+from .tables import load_tables, tables_of
+from .tested_rules import TestedRules
 from .witness import Witness
 
 __all__ = [
     "Coverage",
+    "DrivingRules",
     "EgoRow",
     "LaneRow",
     "Outcome",
     "RoadRow",
     "Score",
     "Staging",
+    "TestedRules",
     "VehicleRow",
     "Verdict",
     "Witness",
     "load_table",
+    "load_tables",
     "measure",
     "reasons_of",
     "run_cases",

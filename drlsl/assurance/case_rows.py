@@ -7,9 +7,10 @@ Authors of tables compute no coordinates. Rows give the places of vehicles as th
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Final, Literal, Self, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Literal, Self, TypeAlias, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -101,6 +102,8 @@ class VehicleRow(BoxRow):
         return self
 
 
+_Box = TypeVar("_Box", bound=BoxRow)
+
 _Strip: TypeAlias = tuple[float, float, Direction, float | None]
 """A lane's width [m], limit [m/s] and direction, and where it ends, ahead of the ego's front [m]."""
 
@@ -185,7 +188,7 @@ class Staging:
     vehicles: Mapping[str, VehicleRow]
     direction: Direction
 
-    def scene(self) -> Scene:
+    def state(self) -> Scene:
         """Return the scene on the road.
 
         Raises:
@@ -200,9 +203,40 @@ class Staging:
         row = {"directions": self.direction.value, **{key: value for key, value in parts.items() if value}}
         return yaml.safe_dump(row, default_flow_style=True, width=math.inf, sort_keys=False).strip()
 
+    def changed(self, chance: random.Random) -> Staging:
+        """Return a scene like it with other speeds, gaps and places, of two decimals."""
+        vehicles = {name: _moved(chance, row) for name, row in self.vehicles.items()}
+        for number in range(1, chance.choice((1, 1, 2, 3))):
+            vehicles[f"more{number}"] = _other(chance, self)
+        return replace(self, ego=_moved(chance, self.ego), vehicles=vehicles)
+
 
 def _given(row: Row) -> dict[str, object]:
     return row.model_dump(exclude_defaults=True)
+
+
+def _other(chance: random.Random, staging: Staging) -> VehicleRow:
+    """Return one more vehicle."""
+    lanes = staging.road.lanes
+    return VehicleRow(
+        lane=chance.randint(1, lanes if isinstance(lanes, int) else len(lanes)),
+        offset=round(chance.gauss(0.0, 25.0), 2),
+        speed=round(max(0.0, staging.ego.speed + chance.gauss(0.0, 5.0)), 2),
+        drift=chance.choice((0.0, 0.0, round(chance.gauss(0.0, 1.0), 2))),
+    )
+
+
+def _moved(chance: random.Random, row: _Box) -> _Box:
+    """Return a box with some of its numbers changed, most of them slightly."""
+    spreads = {"speed": 5.0, "shift": 0.5, "drift": 0.5, "ahead": 10.0, "behind": 10.0, "offset": 2.0}
+    update = {}
+    for name, spread in spreads.items():
+        value = getattr(row, name, None)
+        if value is not None and chance.random() < 0.5:
+            update[name] = round(value + chance.gauss(0.0, spread * chance.choice((0.02, 1.0))), 2)
+    if isinstance(row, EgoRow | VehicleRow) and update.get("speed", 0.0) < 0.0:
+        update["speed"] = 0.0
+    return row.model_copy(update=update)
 
 
 def scene_of(road: RoadRow, ego: EgoRow, vehicles: Mapping[str, VehicleRow], direction: Direction) -> Scene:

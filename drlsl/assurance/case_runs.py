@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
 
 from drlsl.assurance.answers import Generated, Interpreter, decision_problem, failure_problem, problem_of
-from drlsl.assurance.checks import (
-    ACTIONS,
-    COMFORT,
-    ENTRY,
-    FRONT,
-    LANE,
-    OBSERVATION,
-    SPEED,
-    Case,
-    Question,
-    Solutions,
-)
-from drlsl.driving.scene import ATOMS, SceneBatch
-from drlsl.driving.shield import Decisions, Shield
+from drlsl.assurance.checks import Case
+from drlsl.assurance.tested_rules import Question, TestedRules
 from drlsl.errors import UserError
 from drlsl.logic import PrologError
 from drlsl.lowering.ir import NotLowerable
@@ -47,14 +34,14 @@ class Outcome:
     notes: list[str] = field(default_factory=list)
 
 
-def run_cases(shield: Shield, cases: Sequence[Case], arrays: Sequence[str] = ("numpy",)) -> Outcome:
-    """Run cases on the interpreter, on code for one scene, and on these tiers for arrays of scenes."""
+def run_cases(rules: TestedRules, cases: Sequence[Case], arrays: Sequence[str] = ("numpy",)) -> Outcome:
+    """Run cases on the interpreter, on code for one state, and on these tiers for arrays of states."""
     outcome = Outcome(cases=len(cases))
     wrong: dict[tuple[int, str, str], list[str]] = {}
     for tier, results in (
-        ("interpreter", _interpreted(shield, cases)),
-        ("scalar", _generated(shield, cases, outcome)),
-        *((tier, _arrays(shield, cases, outcome, tier)) for tier in arrays),
+        ("interpreter", _interpreted(rules, cases)),
+        ("scalar", _generated(rules, cases, outcome)),
+        *((tier, _arrays(rules, cases, outcome, tier)) for tier in arrays),
     ):
         for index, what, problem in results:
             outcome.answers[tier] = outcome.answers.get(tier, 0) + 1
@@ -69,17 +56,17 @@ def run_cases(shield: Shield, cases: Sequence[Case], arrays: Sequence[str] = ("n
 Result = tuple[int, str, str | None]
 
 
-def _interpreted(shield: Shield, cases: Sequence[Case]) -> Iterator[Result]:
-    asker = Interpreter(shield)
+def _interpreted(rules: TestedRules, cases: Sequence[Case]) -> Iterator[Result]:
+    asker = Interpreter(rules)
     for index, case in enumerate(cases):
-        yield index, "decision", decision_problem(shield, case)
+        yield index, "decision", decision_problem(rules, case)
     for index, case in enumerate(cases):
         for number, check in enumerate(case.checks):
             yield index, check.what, problem_of(asker, case, number)
 
 
-def _generated(shield: Shield, cases: Sequence[Case], outcome: Outcome) -> Iterator[Result]:
-    asker = Generated(shield.engine, Interpreter(shield))
+def _generated(rules: TestedRules, cases: Sequence[Case], outcome: Outcome) -> Iterator[Result]:
+    asker = Generated(rules, Interpreter(rules))
     able: dict[Question, bool] = {}
     for index, case in enumerate(cases):
         for number, check in enumerate(case.checks):
@@ -100,36 +87,17 @@ def _prepares(asker: Generated, question: Question, outcome: Outcome) -> bool:
     return True
 
 
-def _arrays(shield: Shield, cases: Sequence[Case], outcome: Outcome, name: str) -> Iterator[Result]:
-    """Yield the answers to the questions of driving, for all scenes at once."""
+def _arrays(rules: TestedRules, cases: Sequence[Case], outcome: Outcome, tier: str) -> Iterator[Result]:
+    """Yield the answers to the usual questions, for all states at once."""
     try:
-        tested = shield.with_tier(name)
+        found = list(rules.on_arrays(tier, [case.state for case in cases]))
     except UserError as reason:
         outcome.notes.append(str(reason))
         return
-    batch = SceneBatch.of([case.scene for case in cases])
-    decisions, entries = tested.decide_batch(batch), tested.entries_are_safe(batch)
-    for index, case in enumerate(cases):
-        failure = decisions.failures.get(index)
-        if case.fails is not None or failure is not None:
-            yield index, "decision", failure_problem(case, failure)
+    for index, (case, answered) in enumerate(zip(cases, found, strict=True)):
+        if case.fails is not None or answered.failure is not None:
+            yield index, "decision", failure_problem(case, answered.failure)
             continue
-        answers = _answers(decisions, entries, index)
         for check in case.checks:
-            if check.question in answers:
-                yield index, check.what, check.problem(answers[check.question])
-
-
-def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mapping[Question, Solutions]:
-    """Return one scene's decision as the solutions of the corresponding goals."""
-    offered: list[Any] = [atom for atom, on in zip(ATOMS, decisions.action_mask[index], strict=True) if on]
-    holds: Final[list[Mapping[str, Any]]] = [{}]
-    return {
-        ACTIONS: [{"Action": atom} for atom in offered],
-        SPEED: [{"Speed": float(decisions.target_speed[index])}],
-        OBSERVATION: [{"Observation": decisions.observation[index].tolist()}],
-        FRONT: holds if decisions.front_is_free[index] else [],
-        ENTRY: holds if entries[index] else [],
-        LANE: [{"Lane": int(decisions.lane_to_keep[index])}],
-        COMFORT: [{"Acceleration": float(decisions.comfortable_acceleration[index])}],
-    }
+            if check.question in answered.answers:
+                yield index, check.what, check.problem(answered.answers[check.question])

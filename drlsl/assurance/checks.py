@@ -4,41 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any
 
-from drlsl.assurance.case_rows import Staging
-from drlsl.driving import shield
-from drlsl.driving.scene import Scene
+from drlsl.assurance.reason_patterns import ReasonPattern, all_explained, short
+from drlsl.assurance.tested_rules import Question, Solutions, Staged, State
 from drlsl.logic import Compound
-from drlsl.lowering.frontend import Mode
-
-Solutions: TypeAlias = Sequence[Mapping[str, Any]]
-
-
-@dataclass(frozen=True)
-class Question:
-    """A goal, and the answers that matter: whether it holds, its first solution, or all solutions."""
-
-    goal: str
-    mode: Mode
-
-
-ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY, LANE, COMFORT = (
-    Question(one.goal, one.mode)
-    for one in (
-        shield.ACTIONS,
-        shield.SPEED,
-        shield.STATE,
-        shield.FREE,
-        shield.ENTRY,
-        shield.LANE,
-        shield.COMFORT,
-    )
-)
-DRIVING: Final = (ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY)
-"""The questions of driving to every program; `LANE` and `COMFORT` only to those that define them."""
 
 
 @dataclass(frozen=True)
@@ -170,14 +142,20 @@ class Nearest(Check):
 
 
 @dataclass(frozen=True)
-class Opposed(Offered):
-    """The reasons against an action, in any order; a vehicle that is too close as `too_close NAME`."""
+class Opposed(Check):
+    """The reasons against an action, in any order; the solutions give the Reason alone."""
 
-    def _words(self, found: Solutions) -> list[str]:
-        return [
-            f"{term.name} {term.args[0]}" if isinstance(term, Compound) else str(term)
-            for term in _values(found)
-        ]
+    wanted: tuple[ReasonPattern, ...]
+
+    def agrees(self, found: Solutions) -> bool:
+        return all_explained(self.wanted, _values(found))
+
+    def expected(self) -> str:
+        return ", ".join(pattern.text for pattern in self.wanted) or "none"
+
+    def given(self, found: Solutions) -> str:
+        in_full = any("(" in pattern.text for pattern in self.wanted)
+        return ", ".join(shown(one) if in_full else short(one) for one in _values(found)) or "none"
 
 
 @dataclass(frozen=True)
@@ -226,6 +204,8 @@ def alike(wanted: Any, given: Any, tolerance: float) -> bool:
 
 def shown(value: Any) -> str:
     """Return a value of a solution as text; floats to six places."""
+    if isinstance(value, Compound):
+        return f"{value.name}({', '.join(map(shown, value.args))})"
     if isinstance(value, float):
         return f"{value:.6f}".rstrip("0").rstrip(".") if abs(value) >= 1e-6 or value == 0 else repr(value)
     if isinstance(value, list):
@@ -235,16 +215,16 @@ def shown(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with the expectations about the rules in it.
+    """A state with the expectations about the rules in it.
 
     `place` is file and line, `name` its subject. `fails` is a part of the message with which the rules are
-    expected to fail instead of deciding; None if a usable decision is expected. `staging` is the scene in the
+    expected to fail instead of deciding; None if a usable decision is expected. `staging` is the state in the
     words of a table, if it comes from one.
     """
 
     place: str
     name: str
-    scene: Scene
+    state: State
     checks: tuple[Check, ...]
     fails: str | None = None
-    staging: Staging | None = None
+    staging: Staged | None = None

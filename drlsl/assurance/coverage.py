@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from drlsl.assurance.answers import WRONG, Interpreter
 from drlsl.assurance.checks import Case
 from drlsl.assurance.clause_text import ClauseText, clause_texts
-from drlsl.driving.shield import Shield
+from drlsl.assurance.tested_rules import TestedRules
 from drlsl.logic import Engine
 from drlsl.logic.builtins import split_clause
 from drlsl.logic.core import (
@@ -186,28 +185,29 @@ Traces = Mapping[tuple[int, int], frozenset[tuple[str, int]]]
 """The clauses whose heads matched, by the index of the case and of its check."""
 
 
-def measure(shield: Shield, cases: Sequence[Case], files: Sequence[Path] = ()) -> tuple[Coverage, Traces]:
-    """Run the checks of all cases on the interpreter; this instruments the shield's program.
+def measure(rules: TestedRules, cases: Sequence[Case]) -> tuple[Coverage, Traces]:
+    """Run the checks of all cases on the interpreter, on a copy of the program.
 
     Returns:
-        The coverage, of the whole program or of `files` and the files they include, and the clauses that each
-        check tried.
+        The coverage, of the whole program or of its `files` and the files they include, and the clauses that
+        each check tried.
     """
-    noted = Instrumented(shield.engine)
-    asker = Interpreter(shield)
+    copied = rules.fresh()
+    noted = Instrumented(copied.engine)
+    asker = Interpreter(copied)
     reached: set[int] = set()
     traces = {}
     for index, case in enumerate(cases):
         for number, check in enumerate(case.checks):
             noted.begin()
             try:
-                asker.ask(case.scene, check.question)
+                asker.ask(case.state, check.question)
             except WRONG:
                 continue
             finally:
                 reached |= noted.reached()
                 traces[index, number] = frozenset(noted.entered())
-    wanted = set(map(str, files))
+    wanted = set(map(str, rules.files))
     counted = [n for n, source in enumerate(noted.sources) if source in wanted or not wanted]
     hits = tuple(noted.points[n] for n in counted if n in reached)
     missed = tuple(noted.points[n] for n in counted if n not in reached)

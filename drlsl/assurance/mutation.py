@@ -8,7 +8,6 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
-from pathlib import Path
 from typing import Final
 
 from drlsl.assurance.answers import (
@@ -20,12 +19,12 @@ from drlsl.assurance.answers import (
     first_line,
     problem_of,
 )
-from drlsl.assurance.checks import DRIVING, Case, Question
+from drlsl.assurance.checks import Case
 from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.assurance.coverage import Traces, measure
 from drlsl.assurance.mutants import Mutant, mutants_of
+from drlsl.assurance.tested_rules import Question, TestedRules
 from drlsl.assurance.witness import Search, Witness, changed
-from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits, PrologError
 from drlsl.logic.builtins import split_clause
@@ -44,7 +43,7 @@ _WORTHWHILE: Final = 8
 """Number of checks of the same question from which on generated code is faster."""
 
 _WITNESSES: Final = 10
-"""Number of survivors for which a scene is searched; each takes a few seconds."""
+"""Number of survivors for which a state is searched; each takes a few seconds."""
 
 Key = tuple[int, int]
 
@@ -65,7 +64,7 @@ class Verdict:
 class Score:
     """The verdicts on all mutants of a program.
 
-    `reasons` explain survivors, by their names; `witnesses` have a scene for the first ones without a
+    `reasons` explain survivors, by their names; `witnesses` have a state for the first ones without a
     reason, or None if none was found.
     """
 
@@ -104,14 +103,14 @@ class MutantTester:
     Rules that the files build on, by ensure_loaded/1, are left unchanged.
     """
 
-    def __init__(self, rules: Sequence[Path], cases: Sequence[Case]) -> None:
-        self._shield = Shield.from_files(rules)
-        self._engine: Engine = self._shield.engine
+    def __init__(self, rules: TestedRules, cases: Sequence[Case]) -> None:
+        self._rules = rules.fresh()
+        self._engine: Engine = self._rules.engine
         self._cases = cases
-        self._traces: Traces = measure(Shield.from_files(rules), cases)[1]
+        self._traces: Traces = measure(rules, cases)[1]
         self._reach = _Reach(self._engine)
-        self._interpreter = Interpreter(self._shield, LIMITS)
-        self.clauses: Final = clause_texts(self._engine, rules)
+        self._interpreter = Interpreter(self._rules, LIMITS)
+        self.clauses: Final = clause_texts(self._engine, rules.files)
         self.mutants: Final = mutants_of(self.clauses)
         self._lucky: list[Key] = []
 
@@ -134,7 +133,7 @@ class MutantTester:
         return Verdict(mutant.name, mutant.kind, mutant.place, mutant.before, mutant.after, killed_by)
 
     @contextmanager
-    def mutated(self, mutant: Mutant) -> Iterator[Shield]:
+    def mutated(self, mutant: Mutant) -> Iterator[TestedRules]:
         """Put the slip into the program while the context lasts.
 
         Raises:
@@ -145,15 +144,15 @@ class MutantTester:
         predicate.replace(clauses)
         predicate.defined = bool(clauses) or predicate.dynamic
         try:
-            yield self._shield
+            yield self._rules
         finally:
             predicate.replace(before)
 
     def witness(self, mutant: Mutant) -> Witness | None:
-        """Return a scene similar to the tables' in which the mutant's answer differs from the rules'."""
+        """Return a state similar to the tables' in which the mutant's answer differs from the rules'."""
         name = mutant.clause.clause.predicate.name
-        driving = (question for question in DRIVING if self._reach.reaches(question, name))
-        questions = dict.fromkeys([*driving, *map(self._question, self._relevant(mutant.clause))])
+        usual = (question for question in self._rules.usual if self._reach.reaches(question, name))
+        questions = dict.fromkeys([*usual, *map(self._question, self._relevant(mutant.clause))])
         stagings = [case.staging for case in self._cases if case.staging is not None]
         search = Search(self._interpreter, list(questions), changed(stagings))
         with self.mutated(mutant):
@@ -166,7 +165,7 @@ class MutantTester:
         for key in keys[:_FIRST]:
             if self._problem(self._interpreter, key) is not None:
                 return self._noticed(key)
-        generated = Generated(self._engine, self._interpreter)
+        generated = Generated(self._rules, self._interpreter)
         by_question: dict[Question, list[Key]] = {}
         for key in keys[_FIRST:]:
             by_question.setdefault(self._question(key), []).append(key)
@@ -180,7 +179,7 @@ class MutantTester:
                     raise TiersDisagree(f"{self._words(key)}: right on the interpreter, on scalar {problem}")
                 return self._noticed(key)
         for case in self._cases:
-            if case.fails is not None and decision_problem(self._shield, case) is not None:
+            if case.fails is not None and decision_problem(self._rules, case) is not None:
                 return f"{case.place} decision"
         return None
 
@@ -278,7 +277,7 @@ class _Reach:
 
 
 def score(
-    rules: Sequence[Path], cases: Sequence[Case], reasons: Mapping[str, str] | None = None, *, jobs: int = 1
+    rules: TestedRules, cases: Sequence[Case], reasons: Mapping[str, str] | None = None, *, jobs: int = 1
 ) -> Score:
     """Test every mutant of a program with cases that the program itself passes, in `jobs` processes.
 
@@ -296,7 +295,7 @@ def score(
 
 
 def _witnesses(
-    rules: Sequence[Path], cases: Sequence[Case], survivors: Sequence[Verdict]
+    rules: TestedRules, cases: Sequence[Case], survivors: Sequence[Verdict]
 ) -> dict[str, Witness | None]:
     if not survivors:
         return {}
@@ -305,9 +304,7 @@ def _witnesses(
     return {verdict.name: tester.witness(by_name[verdict.name]) for verdict in survivors}
 
 
-def _share(
-    rules: Sequence[Path], cases: Sequence[Case], job: int, jobs: int
-) -> list[tuple[int, list[Verdict]]]:
+def _share(rules: TestedRules, cases: Sequence[Case], job: int, jobs: int) -> list[tuple[int, list[Verdict]]]:
     """Return the verdicts on every `jobs`-th clause, with the clause's number."""
     tester = MutantTester(rules, cases)
     return [(number, tester.test_clause(number)) for number in range(job, len(tester.clauses), jobs)]

@@ -1,4 +1,4 @@
-"""`drlsl rules test`: run tables of scenes, measure what they cover, and test them with mutants."""
+"""`drlsl rules test`: run tables of scenes or facts, measure what they cover, and test them with mutants."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ArrayTier(StrEnum):
-    """The tiers that answer for many scenes at once."""
+    """The tiers that answer for many scenes, or sets of facts, at once."""
 
     NUMPY = "numpy"
     NUMBA = "numba"
@@ -39,7 +39,7 @@ def run_tables(
         list[ArrayTier] | None,
         typer.Option(
             "--tier",
-            help="A tier for arrays of scenes to run besides the others; default: numpy; repeatable.",
+            help="A tier that answers for many at once, to run besides others; default: numpy; repeatable.",
         ),
     ] = None,
     coverage: Annotated[
@@ -51,7 +51,7 @@ def run_tables(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes that --mutate uses.")] = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Run tables of scenes with expected answers on the interpreter and on the compiled tiers.
+    """Run tables of scenes, or of facts, with expected answers on the interpreter and the compiled tiers.
 
     --coverage and --mutate examine the given files and those they include, but not the rules they build on.
     The exit status is 1 if an answer is wrong, a clause is not reached (--coverage), or a mutant survives
@@ -59,28 +59,31 @@ def run_tables(
     """
     from rich.console import Console
 
-    from drlsl.assurance import load_table, measure, reasons_of, run_cases, score, tables_of
-    from drlsl.driving.shield import Shield, default_rules
+    from drlsl.assurance import load_tables, measure, reasons_of, run_cases, score, tables_of
+    from drlsl.driving.shield import default_rules
     from drlsl.errors import UserError
-    from drlsl.shield import rule_file
+    from drlsl.logic import Engine
+    from drlsl.shield import consult_rules, rule_file
 
     rules = [rule_file(file) for file in files or default_rules()]
-    shield = Shield.from_files(rules)
     chosen = tables or tables_of(rules)
     if not chosen:
+        for rule in rules:
+            consult_rules(Engine(), rule)  # what is wrong with it comes first
         wanted = " or ".join(f"{rule.with_suffix('')}.test.yaml" for rule in rules)
-        raise UserError(f"no table of scenes: expected {_near(wanted)}, or name one with --tables")
-    cases = [case for table in chosen for case in load_table(table, shield.observation.names)]
-    outcome = run_cases(shield, cases, tiers or [ArrayTier.NUMPY])
-    reached = measure(Shield.from_files(rules), cases, rules)[0] if coverage else None
+        raise UserError(f"no table: expected {_near(wanted)}, or name one with --tables")
+    tested, cases = load_tables(rules, chosen)
+    outcome = run_cases(tested, cases, tiers or [ArrayTier.NUMPY])
+    reached = measure(tested, cases)[0] if coverage else None
     mutants = None
     if mutate and not outcome.failures:
         with Console(stderr=True).status("testing mutants, which takes about a minute for highway.pl"):
-            mutants = score(rules, cases, reasons_of(rules), jobs=jobs)
+            mutants = score(tested, cases, reasons_of(rules), jobs=jobs)
     if as_json:
-        print(json.dumps(_as_json(outcome, reached, mutants), indent=2))
+        print(json.dumps({tested.states: outcome.cases, **_as_json(outcome, reached, mutants)}, indent=2))
     else:
-        print("\n".join(_report(outcome, reached, mutants, skipped=mutate and mutants is None)))
+        skipped = mutate and mutants is None
+        print("\n".join(_report(tested.states, outcome, reached, mutants, skipped=skipped)))
     if outcome.failures or (reached and _missed_clauses(reached)) or (mutants and mutants.unexplained):
         raise typer.Exit(1)
 
@@ -90,13 +93,13 @@ def _missed_clauses(reached: Coverage) -> bool:
 
 
 def _report(
-    outcome: Outcome, reached: Coverage | None, mutants: Score | None, *, skipped: bool
+    states: str, outcome: Outcome, reached: Coverage | None, mutants: Score | None, *, skipped: bool
 ) -> Iterator[str]:
     for failure in outcome.failures:
         yield f"{_near(failure.place)}: {failure.case}"
         yield f"  {failure.what}: {failure.problem}  [{', '.join(failure.tiers)}]"
     asked = ", ".join(f"{tier} {count:,}" for tier, count in outcome.answers.items())
-    yield f"{outcome.cases:,} scenes, {len(outcome.failures)} wrong; answers checked: {asked}"
+    yield f"{outcome.cases:,} {states}, {len(outcome.failures)} wrong; answers checked: {asked}"
     yield from outcome.notes
     if reached is not None:
         yield from _coverage_report(reached)
@@ -134,7 +137,7 @@ def _mutation_report(mutants: Score) -> Iterator[str]:
 
 def _witness_lines(witness: Witness | None) -> Iterator[str]:
     if witness is None:
-        yield "  no scene was found in which it differs from the rules"
+        yield "  nothing was found in which it differs from the rules"
     else:
         yield f"  this row would notice it: {witness.row}"
         yield f"  {witness.goal}: {witness.rules}; with the slip {witness.mutant}"
@@ -142,7 +145,6 @@ def _witness_lines(witness: Witness | None) -> Iterator[str]:
 
 def _as_json(outcome: Outcome, reached: Coverage | None, mutants: Score | None) -> dict[str, Any]:
     result: dict[str, Any] = {
-        "scenes": outcome.cases,
         "answers": outcome.answers,
         "failures": [asdict(failure) for failure in outcome.failures],
         "notes": outcome.notes,

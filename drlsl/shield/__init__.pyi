@@ -1,4 +1,5 @@
-from .action_rules import ActionRules
+from .action_rules import ASK, LIMITS, REASONS, ActionRules
+from .asked import read_asked
 from .fact_batch import ManyFacts
 from .fact_forms import FactForms, Facts
 from .named_actions import NamedActions, told_facts
@@ -11,6 +12,9 @@ from .vector_wrapper import LogicVectorShield, of_each
 from .wrapper import LogicShield
 
 __all__ = [
+    "ASK",
+    "LIMITS",
+    "REASONS",
     "ActionRules",
     "Counts",
     "FactForms",
@@ -30,6 +34,7 @@ __all__ = [
     "of_each",
     "own_files",
     "program_files",
+    "read_asked",
     "rule_file",
     "rules_folder",
     "told_facts",

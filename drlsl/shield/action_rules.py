@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.errors import UserError
-from drlsl.logic import Limits, Variable
+from drlsl.logic import Engine, Limits, Variable
 from drlsl.logic.terms import Atom
 from drlsl.lowering import find_mistakes
 from drlsl.lowering.backends import compile_scalar
@@ -135,6 +135,24 @@ class ActionRules:
         self._for_many: OfferTier | None = None
         self._say: Callable[[Facts], tuple[Any, ...]] | None = None
 
+    def with_tier(self, tier: str) -> ActionRules:
+        """Return rules of the same program that run on another tier, with counts of their own.
+
+        Raises:
+            UserError: the tier cannot run the program.
+        """
+        with self._lock:
+            other = ActionRules.__new__(ActionRules)
+            vars(other).update(vars(self) | {"_tier_name": check_tier(tier), "counts": Counts()})
+            other._forget_code()
+            other._tier(many=tier in ARRAY_TIERS)
+        return other
+
+    @property
+    def engine(self) -> Engine:
+        """The engine with the program."""
+        return self._engine
+
     # ------------------------------------------------------------------ deciding
 
     def offer(self, facts: Facts) -> Offer:
@@ -145,26 +163,28 @@ class ActionRules:
                 rules offer an action that is not among `actions`.
         """
         with self._lock:
-            if self._forms.schema is None:
-                self._forms.learn(facts)
-                self._warn_of_unknown_forms()
-            elif not isinstance(facts, Mapping) or facts.keys() != self._forms.keys:
-                self._forms.check_keys(facts)
+            self._check_forms(facts)
             self.counts.decisions += 1
             key = self._known.key(facts)
             if (known := self._known.get(key)) is not None:
                 return known
             try:
-                offered = self._decided(facts)
+                offer = Offer(self._decided(facts))
             except RuleFailure as failure:
                 return self._failed(str(failure))
-            if not offered:
-                return self._failed(_NOTHING)
-            for name in offered:
-                self._place(name)
-            offer = Offer(tuple(offered))  # type: ignore[arg-type]  # `_place` refuses what is no name
             self._known.keep(key, offer)
             return offer
+
+    def decide(self, facts: Facts) -> tuple[str, ...]:
+        """Return the actions that the rules themselves offer in the state of `facts`, never none.
+
+        Raises:
+            RuleFailure: the rules gave no usable answer.
+            UserError: as `offer` does.
+        """
+        with self._lock:
+            self._check_forms(facts)
+            return self._decided(facts)
 
     def offers(self, facts: ManyFacts) -> Offers:
         """Return the actions offered in each of N states.
@@ -176,18 +196,21 @@ class ActionRules:
             if self._known.most and not isinstance(facts, Mapping):
                 return self._offers_of_each(facts)
             self._learn_many(facts)
-            count = count_of(facts)
-            self.counts.decisions += count
-            tier = self._tier(many=True)
-            found = tier.many(facts, count)
-            mask, failures = found.mask, found.failures
-            if found.undecided:
-                self._interpret(found.undecided, facts, found)
-            nothing: list[int] = np.flatnonzero(~mask.any(axis=1)).tolist()
-            for index in nothing:
-                self._count_failure(failures.setdefault(index, _NOTHING))
-                mask[index, self._places[self.fallback]] = True
-            return Offers(mask, failures)
+            offers = self._decided_many(facts, count_of(facts))
+            self.counts.decisions += len(offers.mask)
+            for failure in offers.failures.values():
+                self._count_failure(failure)
+            return offers
+
+    def decide_many(self, facts: ManyFacts) -> Offers:
+        """Return the actions offered in each of N states, without counting failures.
+
+        Raises:
+            UserError: as `offer` does.
+        """
+        with self._lock:
+            self._learn_many(facts)
+            return self._decided_many(facts, count_of(facts))
 
     def objections(self, facts: Facts, action: str) -> tuple[str, ...]:
         """Return why an action is not offered in the state of `facts`; nothing if the rules do not say it.
@@ -253,12 +276,35 @@ class ActionRules:
                 failures[index] = offer.failure
         return Offers(mask, failures)
 
-    def _decided(self, facts: Facts) -> Sequence[object]:
+    def _check_forms(self, facts: Facts) -> None:
+        if self._forms.schema is None:
+            self._forms.learn(facts)
+            self._warn_of_unknown_forms()
+        elif not isinstance(facts, Mapping) or facts.keys() != self._forms.keys:
+            self._forms.check_keys(facts)
+
+    def _decided(self, facts: Facts) -> tuple[str, ...]:
         try:
-            return self._tier(many=False).one(facts)
+            offered = self._tier(many=False).one(facts)
         except Undecided:
             self.counts.interpreted += 1
-            return self._reference.one(facts)
+            offered = self._reference.one(facts)
+        if not offered:
+            raise RuleFailure(_NOTHING)
+        for name in offered:
+            self._place(name)
+        return tuple(offered)  # type: ignore[arg-type]  # `_place` refuses what is no name
+
+    def _decided_many(self, facts: ManyFacts, count: int) -> Offers:
+        found = self._tier(many=True).many(facts, count)
+        mask, failures = found.mask, found.failures
+        if found.undecided:
+            self._interpret(found.undecided, facts, found)
+        nothing: list[int] = np.flatnonzero(~mask.any(axis=1)).tolist()
+        for index in nothing:
+            failures.setdefault(index, _NOTHING)
+            mask[index, self._places[self.fallback]] = True
+        return Offers(mask, failures)
 
     def _interpret(self, states: Sequence[int], facts: ManyFacts, found: Found) -> None:
         """Have the interpreter decide the states that a faster tier left to it."""

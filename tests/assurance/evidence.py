@@ -8,22 +8,9 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, given, settings
 
 from drlsl.assurance import load_table, tables_of
-from drlsl.assurance.checks import (
-    ACTIONS,
-    COMFORT,
-    ENTRY,
-    LANE,
-    OBSERVATION,
-    SPEED,
-    Case,
-    Check,
-    Equals,
-    Holds,
-    Observed,
-    Offered,
-    Question,
-    Solves,
-)
+from drlsl.assurance.checks import Case, Check, Equals, Holds, Observed, Offered, Solves
+from drlsl.assurance.driving_rules import ACTIONS, COMFORT, ENTRY, LANE, OBSERVATION, SPEED
+from drlsl.assurance.tested_rules import Question
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from tests.properties.oracle import SECTIONS, Oracle

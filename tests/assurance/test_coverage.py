@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.assurance import measure
-from drlsl.assurance.checks import Case, Holds, Question, Solves
+from drlsl.assurance import DrivingRules, measure
+from drlsl.assurance.checks import Case, Holds, Solves
 from drlsl.assurance.coverage import Instrumented
+from drlsl.assurance.tested_rules import Question
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from tests.assurance.evidence import RULES, table_cases
@@ -20,10 +21,11 @@ from tests.scenes import scenes
 @pytest.mark.parametrize("program", ["highway.pl", "overtake_left.pl", "paper.pl"])
 def test_the_tables_reach_every_clause_and_branch(program: str) -> None:
     path = RULES / program
-    shield = Shield.from_files([path])
+    rules = DrivingRules.of([path])
+    shield = rules.shield
     clauses = [clause for key in shield.engine.predicates() for clause in shield.engine.clauses(*key)]
     own = sum(Path(clause.source or "") == path for clause in clauses)
-    reached, _ = measure(shield, table_cases(path), [path])
+    reached, _ = measure(rules, table_cases(path))
     assert [str(point) for point in reached.missed] == []
     assert sum(point.is_clause for point in reached.reached) == own > 0
     assert not all(point.is_clause for point in reached.reached)
@@ -34,7 +36,7 @@ def test_what_a_file_is_on_top_of_counts_only_where_it_is_named() -> None:
     cases = table_cases(top)[:1]
 
     def files(*named: Path) -> set[str]:
-        reached, _ = measure(Shield.from_files([top]), cases, named)
+        reached, _ = measure(DrivingRules(Shield.from_files([top]), named), cases)
         return {Path(point.file).name for point in (*reached.reached, *reached.missed)}
 
     included = {"longitudinal.pl", "observation.pl"}
@@ -69,7 +71,7 @@ def missed(tmp_path: Path, *goals: str) -> set[str]:
     path = tmp_path / "rules.pl"
     path.write_text(PROGRAM + REST)
     checks = tuple(Holds(goal, Question(goal, "holds"), True) for goal in goals)
-    reached, _ = measure(Shield.from_files([path]), [Case("t:1", "t", SCENE, checks)])
+    reached, _ = measure(DrivingRules(Shield.from_files([path])), [Case("t:1", "t", SCENE, checks)])
     assert {point.file for point in (*reached.reached, *reached.missed)} == {str(path)}
     rest = [point for point in reached.missed if point.line <= PROGRAM.count("\n")]
     return {f"{point.line}:{point.column} {point.what}" for point in rest}
@@ -112,7 +114,7 @@ def test_the_clauses_that_each_check_tries(tmp_path: Path) -> None:
     path = tmp_path / "rules.pl"
     path.write_text(PROGRAM + REST)
     checks = tuple(Solves(goal, Question(goal, "all"), (), 0.0) for goal in ("q(big)", "p(0)"))
-    _, traces = measure(Shield.from_files([path]), [Case("t:1", "t", SCENE, checks)])
+    _, traces = measure(DrivingRules(Shield.from_files([path])), [Case("t:1", "t", SCENE, checks)])
     assert traces == {(0, 0): {("q/1", 1)}, (0, 1): {("p/1", 1), ("p/1", 2)}}
 
 

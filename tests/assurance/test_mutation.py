@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from drlsl.assurance import load_table, reasons_of, score
+from drlsl.assurance import DrivingRules, load_table, reasons_of, score
 from drlsl.assurance.answers import WRONG, Asker, Generated, Interpreter
-from drlsl.assurance.checks import DRIVING, Case, Holds, Offered, Question, shown
+from drlsl.assurance.checks import Case, Holds, Offered, shown
 from drlsl.assurance.clause_text import clause_texts
+from drlsl.assurance.driving_rules import DRIVING
 from drlsl.assurance.mutants import mutants_of
 from drlsl.assurance.mutation import LIMITS, MutantTester
+from drlsl.assurance.tested_rules import Question
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
@@ -26,7 +28,7 @@ EVERY = 40
 
 @pytest.mark.parametrize("program", [HIGHWAY, LEFT, PAPER], ids=lambda path: path.name)
 def test_some_mutants_are_noticed_or_explained(program: Path) -> None:
-    tester = MutantTester([program], table_cases(program))
+    tester = MutantTester(DrivingRules.of([program]), table_cases(program))
     assert {Path(text.clause.source or "") for text in tester.clauses} == {program}
     reasons = reasons_of([program])
     for mutant in tester.mutants[::EVERY]:
@@ -41,7 +43,7 @@ def test_some_mutants_are_noticed_or_explained(program: Path) -> None:
     ids=["highway.pl", "overtake_left.pl", "paper.pl"],
 )
 def test_the_tables_notice_every_mutant_that_can_be_noticed(program: Path, least: float) -> None:
-    found = score([program], table_cases(program), reasons_of([program]))
+    found = score(DrivingRules.of([program]), table_cases(program), reasons_of([program]))
     assert found.share >= least
     assert [verdict.name for verdict in found.unexplained] == []
 
@@ -49,7 +51,7 @@ def test_the_tables_notice_every_mutant_that_can_be_noticed(program: Path, least
 @pytest.mark.slow
 def test_what_the_tables_cannot_notice_the_oracle_cannot_either() -> None:
     """A survivor with a reason is as the rules say in every scene, or the reason is wrong."""
-    tester = MutantTester([HIGHWAY], oracle_cases(300))
+    tester = MutantTester(DrivingRules.of([HIGHWAY]), oracle_cases(300))
     reasons = reasons_of([HIGHWAY])
     survivors = [mutant for mutant in tester.mutants if mutant.name in reasons]
     assert len(survivors) == len(reasons)
@@ -60,12 +62,12 @@ def test_what_the_tables_cannot_notice_the_oracle_cannot_either() -> None:
 @pytest.mark.parametrize("program", [HIGHWAY, PAPER], ids=lambda path: path.name)
 def test_generated_code_answers_as_the_interpreter_does_with_a_slip_too(program: Path) -> None:
     """Mutants are programs that nobody wrote, near those that ship: the tiers must agree on them as well."""
-    tester = MutantTester([program], table_cases(program)[:1])
+    tester = MutantTester(DrivingRules.of([program]), table_cases(program)[:1])
     scenes = generated_scenes(40)[20:]
     for mutant in tester.mutants[5::20]:
-        with tester.mutated(mutant) as shield:
-            interpreter = Interpreter(shield, LIMITS)
-            generated = Generated(shield.engine, interpreter)
+        with tester.mutated(mutant) as rules:
+            interpreter = Interpreter(rules, LIMITS)
+            generated = Generated(rules, interpreter)
             for question in (*DRIVING, Question("objection(Action, Reason)", "all")):
                 try:
                     generated.prepare(question)
@@ -107,7 +109,7 @@ def case(*wanted: str) -> Case:
 
 
 def test_survivors_are_told_with_place_and_text(program: Path) -> None:
-    found = score([program], [case("lane_keeping", "left_lane_change")])
+    found = score(DrivingRules.of([program]), [case("lane_keeping", "left_lane_change")])
     survivors = {verdict.name: verdict for verdict in found.survivors}
     boundary = survivors["far/1 clause 1: D > 30 ==> D >= 30"]
     assert boundary.place == f"{program}:8:13"
@@ -124,7 +126,7 @@ def test_a_row_that_would_notice_a_survivor(tmp_path: Path) -> None:
     table = tmp_path / "t.yaml"
     table.write_text("scenes:\n  - {scene: a free road, ego: {lane: 2}, target_speed: 20.12}\n")
     cases = load_table(table, NAMES)
-    tester = MutantTester([HIGHWAY], cases)
+    tester = MutantTester(DrivingRules.of([HIGHWAY]), cases)
     (mutant,) = (
         m
         for m in tester.mutants
@@ -136,13 +138,13 @@ def test_a_row_that_would_notice_a_survivor(tmp_path: Path) -> None:
     assert witness.rules != witness.mutant
     table.write_text(f"scenes:\n  - {{scene: told, goals: {{x: true}}, rows: [{witness.row}]}}\n")
     (case,) = load_table(table, NAMES)
-    found = Interpreter(Shield.default()).ask(case.scene, Question(witness.goal, "all"))
+    found = Interpreter(DrivingRules(Shield.default())).ask(case.state, Question(witness.goal, "all"))
     assert witness.rules in " | ".join(", ".join(map(shown, row.values())) for row in found)
 
 
 def test_processes_share_the_work(program: Path) -> None:
     cases = [case("lane_keeping", "left_lane_change")]
-    assert score([program], cases, jobs=2) == score([program], cases)
+    assert score(DrivingRules.of([program]), cases, jobs=2) == score(DrivingRules.of([program]), cases)
 
 
 @pytest.mark.parametrize(
@@ -154,11 +156,11 @@ def test_processes_share_the_work(program: Path) -> None:
 )
 def test_a_reason_for_what_is_no_survivor_is_an_error(program: Path, name: str, message: str) -> None:
     with pytest.raises(UserError, match=message):
-        score([program], [case("lane_keeping", "left_lane_change")], {name: "because"})
+        score(DrivingRules.of([program]), [case("lane_keeping", "left_lane_change")], {name: "because"})
 
 
 def test_the_program_is_as_before_when_all_mutants_were_tried(program: Path) -> None:
-    tester = MutantTester([program], [case("lane_keeping", "left_lane_change")])
+    tester = MutantTester(DrivingRules.of([program]), [case("lane_keeping", "left_lane_change")])
     for number in range(len(tester.clauses)):
         tester.test_clause(number)
     fresh = mutants_of(clause_texts(Shield.from_files([program]).engine))
@@ -173,6 +175,6 @@ def test_a_mutant_that_never_ends_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "loop.pl"
     path.write_text(PROGRAM + "left_turn :- right_turn.\nright_turn :- fail.\n")
     cases = [Case("t:1", "t", SCENE, (Holds("turn", Question("left_turn", "holds"), False),))]
-    tester = MutantTester([path], cases)
+    tester = MutantTester(DrivingRules.of([path]), cases)
     endless = next(m for m in tester.mutants if m.name == "left_turn/0 clause 1: right_turn ==> left_turn")
     assert tester.verdict(endless).killed_by == "t:1 turn"

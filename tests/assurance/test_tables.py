@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drlsl.assurance import load_table, run_cases, tables_of
+from drlsl.assurance import DrivingRules, load_table, run_cases, tables_of
 from drlsl.assurance.case_rows import EgoRow, RoadRow, VehicleRow, scene_of
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
@@ -24,7 +24,7 @@ NAMES = Shield.default().observation.names
 @pytest.mark.parametrize("program", ["highway.pl", "paper.pl"])
 def test_the_rules_that_ship_pass_their_tables_on_every_tier(program: str) -> None:
     cases = table_cases(RULES / program)
-    outcome = run_cases(Shield.from_files([RULES / program]), cases)
+    outcome = run_cases(DrivingRules.of([RULES / program]), cases)
     assert outcome.failures == []
     assert outcome.notes == []
     assert len(cases) > 100
@@ -37,7 +37,7 @@ def test_the_rules_that_ship_pass_their_tables_on_every_tier(program: str) -> No
 @pytest.mark.parametrize("tier", ["numba", "torch"])
 def test_they_pass_on_the_other_array_tiers(program: str, tier: str) -> None:
     pytest.importorskip(tier, reason=f"the extra for {tier} is not installed")
-    outcome = run_cases(Shield.from_files([RULES / program]), table_cases(RULES / program), [tier])
+    outcome = run_cases(DrivingRules.of([RULES / program]), table_cases(RULES / program), [tier])
     assert (outcome.failures, outcome.notes) == ([], [])
     assert outcome.answers[tier] > 100
 
@@ -70,7 +70,7 @@ scenes:
 
 def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path) -> None:
     path = table(tmp_path, WRONG)
-    outcome = run_cases(Shield.default(), load_table(path, NAMES))
+    outcome = run_cases(DrivingRules(Shield.default()), load_table(path, NAMES))
     told = {(failure.place, failure.case, failure.what): failure for failure in outcome.failures}
     actions = told[f"{path}:6", "nobody else (left_to_right)", "actions"]
     assert actions.problem == (
@@ -173,7 +173,7 @@ scenes:
 """,
     )
     (case,) = load_table(path, NAMES)
-    scene = case.scene
+    scene = case.state
     assert case.place == f"{path}:10"
     assert len(scene.road.lanes) == 2
     assert (scene.ego.lane, scene.ego.vx) == (1, 12.0)

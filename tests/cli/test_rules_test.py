@@ -88,7 +88,11 @@ def test_survivors_and_their_reasons(folder: Path, capsys: pytest.CaptureFixture
     ("arguments", "message"),
     [
         (["none.pl"], "cannot read the rule file none.pl"),
-        (["limits.pl"], "the rule program does not define safe_actions/1"),
+        (["limits.pl"], "no table: expected limits.test.yaml, or name one with --tables"),
+        (
+            ["limits.pl", "--tables", "mine.test.yaml"],
+            "the rule program does not define safe_actions/1",
+        ),
         (["mine.pl", "--tables", "none.yaml"], "cannot read none.yaml"),
         (["mine.pl", "--tables", "mine.pl"], "mine.pl"),
         (["mine.pl", "--jobs", "0"], "--jobs"),
@@ -106,7 +110,7 @@ def test_refusals(
 def test_no_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "mine.test.yaml").unlink()
     assert run(["rules", "test", "mine.pl"]) == 2
-    assert "no table of scenes: expected mine.test.yaml, or name one with --tables" in capsys.readouterr().err
+    assert "no table: expected mine.test.yaml, or name one with --tables" in capsys.readouterr().err
 
 
 def test_a_reason_that_names_no_mutant(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

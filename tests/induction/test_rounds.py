@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drlsl.assurance import Score, load_table, run_cases
+from drlsl.assurance import DrivingRules, Score, load_table, run_cases
 from drlsl.cli import run as command
 from drlsl.driving import Counts
 from drlsl.driving.drivers import Driver
@@ -238,7 +238,7 @@ def test_the_table_has_both_sides_of_the_limits_and_notices_mutants(
     assert found.killed > 0.8 * len(found.verdicts)
     shield = Shield.from_files([out])
     cases = load_table(out.with_suffix(".test.yaml"), shield.observation.names)
-    outcome = run_cases(shield, cases, ["numpy"])
+    outcome = run_cases(DrivingRules(shield), cases, ["numpy"])
     assert not outcome.failures
     text = out.with_suffix(".test.yaml").read_text()
     assert text.count("row: just,") >= 1

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drlsl.assurance import reasons_of, run_cases, score
+from drlsl.assurance import DrivingRules, reasons_of, run_cases, score
 from drlsl.assurance.mutation import MutantTester
 from drlsl.driving.shield import Shield
 from drlsl.induction.lane_changes import Labelling, label_changes
@@ -22,13 +22,13 @@ MUST = ("nobody_alongside", "nothing_hidden")
 
 
 def test_the_table_holds_on_every_tier() -> None:
-    outcome = run_cases(Shield.from_files([LEARNT]), table_cases(LEARNT), ["numpy"])
+    outcome = run_cases(DrivingRules.of([LEARNT]), table_cases(LEARNT), ["numpy"])
     assert outcome.cases > 40
     assert not outcome.failures
 
 
 def test_some_mutants_are_noticed_or_explained() -> None:
-    tester, reasons = MutantTester([LEARNT], table_cases(LEARNT)), reasons_of([LEARNT])
+    tester, reasons = MutantTester(DrivingRules.of([LEARNT]), table_cases(LEARNT)), reasons_of([LEARNT])
     for mutant in tester.mutants[::12]:
         verdict = tester.verdict(mutant)
         assert (verdict.killed_by is None) == (verdict.name in reasons), verdict
@@ -36,7 +36,7 @@ def test_some_mutants_are_noticed_or_explained() -> None:
 
 @pytest.mark.slow
 def test_every_mutant_is_noticed_or_explained() -> None:
-    found = score([LEARNT], table_cases(LEARNT), reasons_of([LEARNT]))
+    found = score(DrivingRules.of([LEARNT]), table_cases(LEARNT), reasons_of([LEARNT]))
     assert [verdict.name for verdict in found.unexplained] == []
 
 

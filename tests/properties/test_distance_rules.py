@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.assurance import measure, reasons_of, run_cases, score
+from drlsl.assurance import DrivingRules, measure, reasons_of, run_cases, score
 from drlsl.cli import run
 from drlsl.driving.scene import Scene, SceneBatch, Vehicle
 from drlsl.driving.shield import Shield
@@ -26,11 +26,12 @@ SHIELDS = {name: Shield.from_files([RULES / name], tier="numpy") for name in REP
 def test_the_table_passes_and_notices_every_mutant(name: str, clauses: int, mutants: int) -> None:
     path = RULES / name
     cases = table_cases(path)
-    outcome = run_cases(Shield.from_files([path]), cases)
+    rules = DrivingRules.of([path])
+    outcome = run_cases(rules, cases)
     assert (outcome.failures, outcome.notes) == ([], [])
-    coverage = measure(Shield.from_files([path]), cases, [path])[0]
+    coverage = measure(rules, cases)[0]
     assert (sum(point.is_clause for point in coverage.reached), coverage.missed) == (clauses, ())
-    found = score([path], cases, reasons_of([path]))
+    found = score(rules, cases, reasons_of([path]))
     assert len(found.verdicts) >= mutants
     assert [verdict.name for verdict in found.unexplained] == []
 

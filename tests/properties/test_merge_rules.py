@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from drlsl.assurance import measure, reasons_of, run_cases, score
+from drlsl.assurance import DrivingRules, measure, reasons_of, run_cases, score
 from drlsl.cli import run
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
@@ -27,11 +27,12 @@ SOME = settings(max_examples=60, deadline=None, suppress_health_check=[HealthChe
 
 def test_the_table_passes_and_notices_every_mutant() -> None:
     cases = table_cases(MERGE)
-    outcome = run_cases(Shield.from_files([MERGE]), cases)
+    rules = DrivingRules.of([MERGE])
+    outcome = run_cases(rules, cases)
     assert outcome.failures == []
-    coverage = measure(Shield.from_files([MERGE]), cases, [MERGE])[0]
+    coverage = measure(rules, cases)[0]
     assert coverage.missed == ()
-    found = score([MERGE], cases, reasons_of([MERGE]))
+    found = score(rules, cases, reasons_of([MERGE]))
     assert len(found.verdicts) >= 200
     assert [verdict.name for verdict in found.unexplained] == []
 

@@ -10,7 +10,17 @@ from typing import Any, Final
 
 import yaml
 
-from drlsl.assurance import EgoRow, RoadRow, Score, Staging, VehicleRow, load_table, reasons_of, score
+from drlsl.assurance import (
+    DrivingRules,
+    EgoRow,
+    RoadRow,
+    Score,
+    Staging,
+    VehicleRow,
+    load_table,
+    reasons_of,
+    score,
+)
 from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Shield
 from drlsl.files import write_atomic
@@ -113,7 +123,7 @@ class LearntTable:
         if not self._possible(scene, side):
             return None
         try:
-            batch = SceneBatch.of([replace(scene, direction=one).scene() for one in Direction])
+            batch = SceneBatch.of([replace(scene, direction=one).state() for one in Direction])
         except ValueError:
             return None
         eases = self._bias.eases(self._bias.values(batch)[:, side])
@@ -178,7 +188,7 @@ def _flow(row: dict[str, Any]) -> str:
 def _actions(scene: Staging, shield: Shield) -> list[str]:
     """Return the actions that the rules offer, as a table has them."""
     words = {Action.LANE_KEEPING: "keep", Action.LEFT_LANE_CHANGE: "left", Action.RIGHT_LANE_CHANGE: "right"}
-    return [words[action] for action in sorted(shield.decide(scene.scene()).safe_actions)]
+    return [words[action] for action in sorted(shield.decide(scene.state()).safe_actions)]
 
 
 def _expecting(row: str, shield: Shield) -> str:
@@ -203,12 +213,13 @@ def write_table(
     table, reasons = rules.with_suffix(".test.yaml"), rules.with_suffix(".mutants.yaml")
     reasons.unlink(missing_ok=True)
     text = LearntTable(rules, clauses, examples).text()
-    shield = Shield.from_files([rules])
+    tested = DrivingRules.of([rules])
+    shield = tested.shield
     result: Score | None = None
     for _ in range(_WITNESS_ROUNDS):
         write_atomic(table, text.encode())
         cases = load_table(table, shield.observation.names)
-        result = score([rules], cases, {}, jobs=jobs)
+        result = score(tested, cases, {}, jobs=jobs)
         witnesses = [one for one in result.witnesses.values() if one is not None]
         found = [one for one in witnesses if one.goal.startswith("safe_actions")]
         if not found:
@@ -223,4 +234,4 @@ def write_table(
     if why:
         content = {"survivors": [{"reason": text, "mutants": names} for text, names in why.items()]}
         write_atomic(reasons, yaml.safe_dump(content, sort_keys=False, width=math.inf).encode())
-    return score([rules], load_table(table, shield.observation.names), reasons_of([rules]), jobs=jobs)
+    return score(tested, load_table(table, shield.observation.names), reasons_of([rules]), jobs=jobs)
