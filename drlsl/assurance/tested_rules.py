@@ -31,7 +31,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Answered:
-    """The answer of an array tier about one state: `answers` by question, or the `failure` of the decision."""
+    """The answer of an array tier about one state: `answers` by question, or why the decision failed."""
 
     answers: Mapping[Question, Solutions]
     failure: str | None = None

@@ -10,6 +10,7 @@ from typing import Any, Final, TypeAlias
 
 import yaml
 
+from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.terms import TRUE, Atom, Struct, deref
 from drlsl.lowering.ir import Kind, Relation, Schema
@@ -94,7 +95,8 @@ class ToldFacts:
         declared = [key for key in engine.predicates() if engine.is_dynamic(*key)]
         if not declared:
             raise ValueError("the rules declare no facts; list those that they are told in `:- dynamic`")
-        self._own = {key: _own_rows(engine, key) for key in declared if engine.clauses(*key)}
+        self._engine = engine
+        self._own = {key for key in declared if engine.clauses(*key)}
         self.relations: Final = {key: Told(key) for key in declared}
 
     def declare(self, columns: Mapping[str, Mapping[str, object]]) -> None:
@@ -140,16 +142,30 @@ class ToldFacts:
         """Return the schema of all facts that were told, and give every state all of its relations.
 
         Facts that the program has itself hold in states that tell no others.
+
+        Raises:
+            UserError: those that some state tells and others do not are none that a table can tell.
         """
-        told = {key for state in states for key in state} | (self.relations.keys() - self._own.keys())
-        for key in told & self._own.keys():
-            for row in self._own[key]:
-                for place, value in enumerate(row):
-                    self.relations[key].note(place, value)
+        told = {key for state in states for key in state} | (self.relations.keys() - self._own)
+        own = {key: self._own_rows(key) for key in told & self._own}
         for state in states:
             for key in told:
-                state.setdefault(key, list(self._own.get(key, ())))
+                state.setdefault(key, list(own.get(key, ())))
         return Schema(self.relations[key].relation() for key in self.relations if key in told)
+
+    def _own_rows(self, key: Key) -> list[tuple[Value, ...]]:
+        """Return the facts that the program has itself of a relation."""
+        heads = [deref(clause.head) for clause in self._engine.clauses(*key) if clause.body is TRUE]
+        found = [tuple(map(deref, head.args)) if isinstance(head, Struct) else () for head in heads]
+        rows = [[one.name if isinstance(one, Atom) else one for one in row] for row in found]
+        try:
+            return [
+                tuple(self.relations[key].note(place, one) for place, one in enumerate(row)) for row in rows
+            ]
+        except ValueError as error:
+            raise UserError(
+                f"the program's own facts: {error}; tell {key[0]} in none or all states"
+            ) from error
 
     def _told(self, name: str, arity: int, keys: Sequence[str]) -> Told:
         """Return the relation that is called so."""
@@ -220,13 +236,6 @@ def _rows(
         yield from (((place,), row) for place, row in enumerate(value))
     else:
         raise FactProblem(keys, f"{told.key[0]} is {value!r:.60}; expected a list of rows")
-
-
-def _own_rows(engine: Engine, key: Key) -> list[tuple[Value, ...]]:
-    """Return the facts that a program has itself of a relation."""
-    heads = (deref(clause.head) for clause in engine.clauses(*key) if clause.body is TRUE)
-    rows = (tuple(map(deref, head.args)) if isinstance(head, Struct) else () for head in heads)
-    return [tuple(value.name if isinstance(value, Atom) else value for value in row) for row in rows]
 
 
 @dataclass(frozen=True)

@@ -184,6 +184,16 @@ def test_rules_without_facts_are_refused(tmp_path: Path) -> None:
         load_tables(*written(tmp_path, rules="offered(south).\n"))
 
 
+def test_facts_of_the_program_that_no_table_can_tell(tmp_path: Path) -> None:
+    rules = RULES.replace("toll(2.0).", "toll(gate(2.0)).")
+    with pytest.raises(
+        UserError, match=r"own facts: value 1 of toll/1 is .*; tell toll in none or all states"
+    ):
+        load_tables(*written(tmp_path, rules=rules))
+    _, cases = load_tables(*written(tmp_path, TABLE.rpartition("      - row: the toll is told")[0], rules))
+    assert all(("toll", 1) not in case.state for case in cases)
+
+
 def test_coverage_and_mutants(tmp_path: Path) -> None:
     without_toll = TABLE.rpartition("      - row: the toll is told")[0]
     rules, cases = load_tables(*written(tmp_path, without_toll))
