@@ -7,6 +7,7 @@ from .mutation import Score, Verdict, score
 from .survivors import reasons_of
 from .tables import load_tables, tables_of
 from .tested_rules import TestedRules
+from .told_facts import ToldFacts, facts_row, flow
 from .witness import Witness
 
 __all__ = [
@@ -19,9 +20,12 @@ __all__ = [
     "Score",
     "Staging",
     "TestedRules",
+    "ToldFacts",
     "VehicleRow",
     "Verdict",
     "Witness",
+    "facts_row",
+    "flow",
     "load_table",
     "load_tables",
     "measure",

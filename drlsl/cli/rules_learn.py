@@ -12,6 +12,7 @@ import typer
 from drlsl.cli.options import Jobs, Ray, crew_of, recordings
 
 if TYPE_CHECKING:
+    from drlsl.assurance import Score
     from drlsl.induction import Effort, Examples, LearningRun, Learnt
     from drlsl.workers import Crew
 
@@ -127,8 +128,8 @@ def learn(
     Lane changes are driven in recorded traffic; with --domain, actions are tried in an environment. Every
     round drives with what was found, and tries to prove what must hold; what goes wrong becomes an example,
     until nothing does. The same command continues after Ctrl-C. Beside the rule file it writes a folder with
-    a report, FILE.report, and for lane changes a table of the scenes that fix the limits. The exit status is
-    1 if the rounds ended before nothing went wrong.
+    a report, FILE.report, and a table of the scenes or states that fix the limits, FILE.test.yaml. The exit
+    status is 1 if the rounds ended before nothing went wrong.
     """
     from drlsl.induction import Effort
 
@@ -212,7 +213,7 @@ def _learn_lane_changes(given: _Traffic, numbers: _Numbers, effort: Effort, out:
     )
     result = _run(LearningRun(LaneChanges(request), out, _tell), out)
     mutants = write_table(out, result.clauses, result.examples, jobs=numbers.crew.jobs)
-    print(f"wrote {out} and its table, which notices {mutants.killed} of {len(mutants.verdicts)} mutants")
+    _print_written(out, mutants)
     what = ReportRequest(agents=tuple(given.agent or ()), crew=numbers.crew)
     if given.held_out is not None:
         what = replace(what, held_out=tuple(given.held_out))
@@ -227,18 +228,28 @@ def _learn_in_environment(name: str, numbers: _Numbers, effort: Effort, out: Pat
     """Learn which actions are safe; return whether nothing went wrong in the last round."""
     _check_installed({"clingo": "learn"})
     from drlsl.induction import LearningRun
-    from drlsl.induction.environments import EnvironmentDomain, EnvRequest, write_environment_report
+    from drlsl.induction.environments import (
+        EnvironmentDomain,
+        EnvRequest,
+        write_environment_report,
+        write_states_table,
+    )
 
     request = EnvRequest(name, numbers.examples, numbers.episodes, effort, numbers.seed, numbers.crew)
     result = _run(LearningRun(EnvironmentDomain(request), out, _tell), out)
-    print(f"wrote {out}")
+    mutants = write_states_table(out, result.clauses, result.examples, jobs=numbers.crew.jobs)
+    _print_written(out, mutants)
     if numbers.report != 0:
         path, table = write_environment_report(
-            out, result, name, numbers.report, crew=numbers.crew, tell=_tell
+            out, result, mutants, name, numbers.report, crew=numbers.crew, tell=_tell
         )
         print("\n".join(table))
         print(f"wrote {path}")
     return result.finished
+
+
+def _print_written(out: Path, mutants: Score) -> None:
+    print(f"wrote {out} and its table, which notices {mutants.killed} of {len(mutants.verdicts)} mutants")
 
 
 def _check_installed(needed: dict[str, str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drlsl.assurance import load_tables, measure, run_cases
 from drlsl.cli import run as command
 from drlsl.errors import UserError
 from drlsl.induction import Effort, LearningRun, Learnt, covered
@@ -26,9 +28,11 @@ from drlsl.induction.environments import (
     StateBias,
     Verdict,
     find_domain,
+    write_states_table,
 )
 from drlsl.induction.environments.futures import FUTURES, Episode, TableFutures, way_back
 from drlsl.induction.environments.labelled_actions import LabelledActions, label_episode, labelled_actions
+from drlsl.induction.environments.learnt_states import simplified
 from drlsl.induction.environments.plain_facts import as_facts
 from drlsl.induction.environments.rule_stress import learnt_rules, rule_stress
 from drlsl.shield import LogicShield
@@ -326,6 +330,44 @@ def test_one_command_learns_and_reports(tmp_path: Path, capsys: pytest.CaptureFi
     assert learnt < bare / 4
     settings = json.loads((tmp_path / "sled.rounds" / "settings.json").read_text())
     assert settings["domain"] == f"{SLEDS}sled"
+    (wrote,) = re.findall(r"wrote .* and its table, which notices (\d+ of \d+) mutants", printed.out)
+    assert f"- the table notices {wrote} mutants; " in report
+
+
+def test_its_table_has_real_states_on_both_sides_of_each_limit(tmp_path: Path) -> None:
+    """The sled's rules pass it, reach all of it, and a limit moved by a step is noticed or has a reason."""
+    out = tmp_path / "sled.pl"
+    learnt = learn(out, f"{SLEDS}sled")
+    mutants = write_states_table(out, learnt.clauses, learnt.examples)
+    assert mutants.unexplained == []
+    rules, cases = load_tables([out], [out.with_suffix(".test.yaml")])
+    assert run_cases(rules, cases).failures == []
+    assert measure(rules, cases)[0].missed == ()
+    sides = {case.name.rpartition(" / ")[2]: case for case in cases}
+    for words, is_safe in (("just not", False), ("just", True)):
+        state = sides[words].state
+        (action,) = (check.what.removeprefix("objections ") for check in sides[words].checks[1:])
+        (x,), (speed,) = state["at", 1][0], state["speed", 1][0]
+        assert (margin(x, speed, sled.actions[action]) >= 0) == is_safe, (x, speed, action)
+    limits = [one for one in mutants.verdicts if one.name.startswith("learnt/1") and one.kind == "constant"]
+    assert any(one.killed_by for one in limits)
+
+
+@given(
+    rows=st.lists(st.tuples(st.integers(0, 9), st.floats(0, 9)), min_size=1, max_size=6),
+    matters=st.integers(0, 9),
+)
+def test_a_state_keeps_what_its_verdict_depends_on(rows: list[tuple[int, float]], matters: int) -> None:
+    facts: Any = (("car", 2, tuple(rows)), ("ego", 1, ((1.23456789,),)))
+
+    def verdict(one: Any) -> Any:
+        return sorted(round(x, 2) for car, x in one[0][2] if car == matters), one[1][2][0][0] > 1.2
+
+    wanted = verdict(facts)
+    plain = simplified(facts, {("car", 2)}, lambda one: verdict(one) == wanted)
+    assert verdict(plain) == wanted
+    assert all(car == matters for car, _ in plain[0][2])
+    assert len(plain[1][2]) == 1
 
 
 @pytest.mark.parametrize(

@@ -8,15 +8,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from drlsl.induction.domain import Effort, Examined, Tell
+from drlsl.induction.environments.action_examples import ActionExamples
 from drlsl.induction.environments.futures import Episode, way_back
 from drlsl.induction.environments.labelled_actions import LabelledActions, labelled_actions
 from drlsl.induction.environments.plain_facts import of_json
 from drlsl.induction.environments.rule_stress import BadAction, rule_stress
 from drlsl.induction.environments.state_bias import StateBias
-from drlsl.induction.examples import Examples
 from drlsl.induction.learnt_file import FileForm
 from drlsl.induction.search_problem import LearntClause
 from drlsl.shield import NamedActions, program_files
@@ -137,15 +135,16 @@ class EnvironmentDomain:
         """Return how many actions have no label, by reason."""
         return {self.named.name: dict(LabelledActions.joined(parts).left_out)}
 
-    def examples(self, parts: Sequence[LabelledActions], bad: Sequence[BadAction]) -> Examples:
+    def examples(self, parts: Sequence[LabelledActions], bad: Sequence[BadAction]) -> ActionExamples:
         """Return the actions of some parts, and bad ones as unsafe."""
         rows = LabelledActions.joined(parts)
-        facts = [*rows.facts, *(one.facts for one in bad)]
-        names = [*rows.action, *(one.action for one in bad)]
-        choice = np.array([self.bias.choices.index(name) for name in names], dtype=np.int64)
-        values = np.array([self.bias.values(one)[place] for one, place in zip(facts, choice, strict=True)])
-        unsafe = np.array([*rows.unsafe, *(True for _ in bad)], dtype=np.bool_)
-        return Examples(self.bias, values, choice, unsafe, [*rows.origin, *(one.origin for one in bad)])
+        return ActionExamples(
+            self.bias,
+            [*rows.facts, *(one.facts for one in bad)],
+            [*rows.action, *(one.action for one in bad)],
+            [*rows.unsafe, *(True for _ in bad)],
+            [*rows.origin, *(one.origin for one in bad)],
+        )
 
     def examine(
         self,

@@ -10,14 +10,15 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from drlsl.assurance import Score
 from drlsl.files import users_code, write_atomic
 from drlsl.induction.domain import Tell
+from drlsl.induction.environments.action_examples import ActionExamples
 from drlsl.induction.environments.environment_domain import HELD_OUT_SEEDS
 from drlsl.induction.environments.labelled_actions import BLOCK
 from drlsl.induction.environments.learning_domain import Make, NamedDomain
 from drlsl.induction.environments.rule_stress import learnt_rules
 from drlsl.induction.environments.state_bias import StateBias
-from drlsl.induction.examples import Examples
 from drlsl.induction.learning_rounds import Learnt
 from drlsl.shield import ActionRules, told_facts
 from drlsl.workers import Crew, Function, Stop, in_order
@@ -50,11 +51,19 @@ class Trial:
 
 
 def write_environment_report(
-    rules: Path, learnt: Learnt[Examples], name: str, trials: int | None, *, crew: Crew, tell: Tell
+    rules: Path,
+    learnt: Learnt[ActionExamples],
+    mutants: Score,
+    name: str,
+    trials: int | None,
+    *,
+    crew: Crew,
+    tell: Tell,
 ) -> tuple[Path, list[str]]:
     """Drive held-out episodes, and write the report; return its file, and its table.
 
-    `name` is that of the domain, `trials` the episodes of each kind, as many as it says by default.
+    `mutants` are those of its table, `name` is that of the domain, `trials` the episodes of each kind, as
+    many as it says by default.
 
     Raises:
         UserError: an environment or a function of the domain raised an error, or a file cannot be written.
@@ -71,6 +80,8 @@ def write_environment_report(
         f"{len(learnt.rounds)} rounds, {len(last.clauses)} clauses, {literals} literals.",
         "",
         *(f"- {line}" for line in learnt.lines()),
+        f"- the table notices {mutants.killed:,} of {len(mutants.verdicts):,} mutants; "
+        f"{len(mutants.survivors):,} have a reason",
         "",
         "| round | clauses | safe examples offered | failures | unavoidable | new unsafe examples |",
         "|---|---|---|---|---|---|",

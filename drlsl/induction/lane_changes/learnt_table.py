@@ -10,24 +10,14 @@ from typing import Any, Final
 
 import yaml
 
-from drlsl.assurance import (
-    DrivingRules,
-    EgoRow,
-    RoadRow,
-    Score,
-    Staging,
-    VehicleRow,
-    load_table,
-    reasons_of,
-    score,
-)
+from drlsl.assurance import EgoRow, RoadRow, Score, Staging, VehicleRow
 from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.shield import Shield
-from drlsl.files import write_atomic
 from drlsl.induction.lane_changes.change_examples import ChangeExamples
 from drlsl.induction.lane_changes.scene_bias import SIDES, Side
 from drlsl.induction.lane_changes.told_scene import accelerations, faster, moves, simplified, staged
 from drlsl.induction.learnt_file import FixedLimit, fixed_limits
+from drlsl.induction.noticing_table import TableDraft, write_noticing_table
 from drlsl.induction.search_problem import LearntClause
 from drlsl.traffic import Direction
 
@@ -53,11 +43,6 @@ _FINEST: Final = 0.01
 
 _FASTER: Final = (0.0, 10.0, 20.0)
 """How much faster all drive in scenes near a limit, if the example itself cannot be moved to it [m/s]."""
-
-_WITNESS_ROUNDS: Final = 3
-"""How often rows that notice surviving mutants are searched and added."""
-
-ANY_ORDER: Final = "The order of the clauses makes no difference: one that holds is enough."
 
 NOT_FOUND: Final = (
     "No scene near those of the table was found in which it differs: the example that fixes the limit is not "
@@ -210,28 +195,13 @@ def write_table(
     Raises:
         UserError: a file cannot be written.
     """
-    table, reasons = rules.with_suffix(".test.yaml"), rules.with_suffix(".mutants.yaml")
-    reasons.unlink(missing_ok=True)
-    text = LearntTable(rules, clauses, examples).text()
-    tested = DrivingRules.of([rules])
-    shield = tested.shield
-    result: Score | None = None
-    for _ in range(_WITNESS_ROUNDS):
-        write_atomic(table, text.encode())
-        cases = load_table(table, shield.observation.names)
-        result = score(tested, cases, {}, jobs=jobs)
-        witnesses = [one for one in result.witnesses.values() if one is not None]
-        found = [one for one in witnesses if one.goal.startswith("safe_actions")]
-        if not found:
-            break
-        rows = dict.fromkeys(f"      - {_expecting(one.row, shield)}\n" for one in found)
-        text += "\n  - scene: near the limits\n    rows:\n" + "".join(rows)
-    assert result is not None
-    why: dict[str, list[str]] = {}
-    for verdict in result.survivors:
-        moved = verdict.name.startswith("opening/1") and ": moved behind" in verdict.name
-        why.setdefault(ANY_ORDER if moved else NOT_FOUND, []).append(verdict.name)
-    if why:
-        content = {"survivors": [{"reason": text, "mutants": names} for text, names in why.items()]}
-        write_atomic(reasons, yaml.safe_dump(content, sort_keys=False, width=math.inf).encode())
-    return score(tested, load_table(table, shield.observation.names), reasons_of([rules]), jobs=jobs)
+    shield = Shield.from_files([rules])
+    draft = TableDraft(
+        text=LearntTable(rules, clauses, examples).text(),
+        subject="scene",
+        asked="safe_actions",
+        expecting=lambda row: _expecting(row, shield),
+        learnt="opening/1",
+        not_found=NOT_FOUND,
+    )
+    return write_noticing_table(rules, draft, jobs=jobs)
