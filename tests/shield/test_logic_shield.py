@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
 from drlsl import LogicShield
+from drlsl.cli import run as command
 from drlsl.errors import UserError
 from drlsl.logic import Limits
 from drlsl.lowering import Relation, Schema
@@ -392,6 +393,20 @@ def test_an_action_without_a_value_is_refused() -> None:
     env = shielded(rules=":- dynamic at/1, cliff/2.\noffered(Stay) :- at(_).")
     with pytest.raises(UserError, match="an action is a variable without a value; names begin in lower case"):
         env.reset(seed=0)
+
+
+def test_the_table_of_the_page_answers_as_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    (rules,) = re.findall(r'^RULES = r"""\n(.*?)"""', page, re.M | re.S)
+    (table,) = re.findall(r"^```yaml\n(.*?)^```", page, re.M | re.S)
+    ((told, answer),) = re.findall(r"^ {4}\$ drlsl (.*)\n((?: {4}[^$].*\n)+)", page, re.M)[:1]
+    (tmp_path / "taxi.pl").write_text(rules)
+    (tmp_path / "taxi.test.yaml").write_text(table)
+    monkeypatch.chdir(tmp_path)
+    assert command(told.split()) == 0
+    assert capsys.readouterr().out == textwrap.dedent(answer)
 
 
 def test_the_page_shields_an_environment_in_thirty_lines() -> None:
