@@ -139,7 +139,7 @@ def _told(request: Request, out: Path | None, *, as_json: bool) -> bool:
 def _facts_lines(result: FactsResult) -> Iterator[str]:
     """Yield the lines about a property of rules for another environment."""
     counts = ", ".join(f"{count} of {name}" for name, count in result.rows.items())
-    extent = "any number of rows" if result.enough else f"up to {counts}"
+    extent = "any number of rows" if result.enough else f"up to {counts}" if counts else ""
     yield f"{result.status:<8} {result.name:<24} {extent:<24} {result.seconds:8.1f} s"
     yield f"         {result.text}"
     if result.reason:

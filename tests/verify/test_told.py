@@ -26,9 +26,9 @@ facts(limit(number(0, 40)), one).
 """
 
 
-def proved(tmp_path: Path, properties: str, rules: str = RULES) -> FactsResult:
+def proved(tmp_path: Path, properties: str, rules: str = RULES, facts: str = FACTS) -> FactsResult:
     (tmp_path / "rules.pl").write_text(rules, encoding="utf-8")
-    (tmp_path / "properties.pl").write_text(FACTS + properties, encoding="utf-8")
+    (tmp_path / "properties.pl").write_text(facts + properties, encoding="utf-8")
     request = Request(
         rules=(tmp_path / "rules.pl",), properties=(tmp_path / "properties.pl",), attack=4096, time_limit=20.0
     )
@@ -53,6 +53,24 @@ def test_facts_that_break_a_property_are_shown(tmp_path: Path) -> None:
     gaps = [gap for of, gap in result.facts["gap", 2] if of == key]
     assert side == "left"
     assert any(2.0 * speed <= gap < 2.5 * speed for gap in gaps)
+
+
+CELLS = """
+:- dynamic agent/2, thing/2.
+offered(right) :- agent(X, Y), X1 is X + 1, \\+ thing(X1, Y).
+"""
+GRID = "facts(agent(integer(0, 7), integer(0, 7)), one). facts(thing(integer(0, 7), integer(0, 7)), any). "
+
+
+def test_integers_may_be_computed_with(tmp_path: Path) -> None:
+    free = "violates(free) :- offered(right), agent(X, Y), thing(X1, Y), X1 - 1 =:= X."
+    one = proved(tmp_path, f"property(free, 'x'). {free}", CELLS, GRID)
+    assert (one.status, one.enough) == ("proved", True)
+    other = proved(tmp_path, f"property(free, 'x'). {free.replace('- 1', '- 2')}", CELLS, GRID)
+    assert other.status == "refuted"
+    assert other.facts is not None
+    ((x, y),) = other.facts["agent", 2]
+    assert (x + 2, y) in other.facts["thing", 2]
 
 
 def test_an_error_of_the_rules_breaks_a_property(tmp_path: Path) -> None:
@@ -101,3 +119,20 @@ def test_a_wrong_declaration_is_refused(declared: str, said: str, tmp_path: Path
 def test_a_key_is_no_number(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="a key of car is used as a number"):
         proved(tmp_path, "property(p, 'x'). violates(p) :- offered(go), car(I, _, _), I > 1.")
+
+
+def test_a_property_that_no_facts_can_break_is_told(tmp_path: Path) -> None:
+    text = "property(room, 'x'). violates(room) :- offered(fastr), limit(V), V > 30.0."
+    result = proved(tmp_path, text)
+    assert "is a name misspelt" in result.reason
+
+
+def test_facts_of_another_arity_than_in_the_rules_are_refused(tmp_path: Path) -> None:
+    facts = FACTS.replace("one_of([left, right])", "one_of([left, right]), number(0, 1)")
+    with pytest.raises(UserError, match=r"facts\(car/4, ...\) is declared; the rules have facts of car/3"):
+        proved(tmp_path, "property(room, 'x'). violates(room) :- offered(go).", facts=facts)
+
+
+def test_facts_that_are_not_declared_are_named(tmp_path: Path) -> None:
+    result = proved(tmp_path, "property(room, 'x'). violates(room) :- offered(go).", facts=GRID)
+    assert result.reason.endswith("not declared by facts/2: car/3, gap/2, limit/1")

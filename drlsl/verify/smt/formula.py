@@ -146,7 +146,8 @@ class Formula:
     def _equal(self, left: Node, right: Node) -> Bool:
         if left.op == right.op == "col" and left.data == right.data and left.data[0].key == left.data[1]:
             return self._same_row(left.args[0], right.args[0])
-        if left.kind == "atom" or self._is_finite(left) or self._is_finite(right):
+        sides = (left, right)
+        if left.kind == "atom" or (any(map(self._is_finite, sides)) and all(map(self._is_constant, sides))):
             one, other = self.finite(left), self.finite(right)
             return self.booleans.or_(
                 self.booleans.and_((cond, other[constant]))
@@ -169,6 +170,12 @@ class Formula:
         if node.op == "select":
             return any(map(self._is_finite, node.args[1:]))
         return node.op == "col" and node.kind == "int"
+
+    def _is_constant(self, node: Node) -> bool:
+        """Return whether a number is a column of integers, a constant or a choice of such, not computed."""
+        if node.op == "select":
+            return all(map(self._is_constant, node.args[1:]))
+        return node.op == "const" or (node.op == "col" and node.kind == "int")
 
     # ---------------------------------------------------------------- atoms and small integers
 

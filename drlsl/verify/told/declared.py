@@ -7,7 +7,7 @@ any number or integer within bounds, one of some names, a `key` of which no two 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, TypeAlias
@@ -112,6 +112,7 @@ def declared_facts(engine: Engine, unknowns: Mapping[str, Range]) -> Declared | 
     for key in names:
         if names.count(key) > 1:
             raise UserError(f"facts({key[0]}/{key[1]}, ...) is declared more than once")
+    _check_arities(engine, names)
     keyed = {table.relation.name for table in tables if table.relation.key is not None}
     for table in tables:
         for column in table.columns:
@@ -124,6 +125,29 @@ def declared_facts(engine: Engine, unknowns: Mapping[str, Range]) -> Declared | 
         for name, bounds in unknowns.items()
     ]
     return Declared(tuple(tables))
+
+
+def undeclared(engine: Engine, declared: Sequence[Key]) -> list[Key]:
+    """Return the relations that the rules have facts of, and the properties do not declare."""
+    return [
+        key
+        for key in engine.predicates()
+        if key not in declared and engine.is_dynamic(*key) and not engine.clauses(*key)
+    ]
+
+
+def _check_arities(engine: Engine, declared: Sequence[Key]) -> None:
+    """Check that no facts are declared with another arity than the rules have.
+
+    Raises:
+        UserError: some are.
+    """
+    for name, arity in undeclared(engine, declared):
+        for known, other in declared:
+            if known == name and not engine.is_dynamic(known, other):
+                raise UserError(
+                    f"facts({name}/{other}, ...) is declared; the rules have facts of {name}/{arity}"
+                )
 
 
 def _table(pattern: Term, rows: Term) -> Table:

@@ -35,7 +35,7 @@ from drlsl.verify.smt import (
     Outcome,
     Solver,
 )
-from drlsl.verify.told.declared import Declared, Key
+from drlsl.verify.told.declared import Declared, Key, undeclared
 from drlsl.verify.told.drawn_facts import Drawer, Sets, floats_of
 from drlsl.verify.told.symbolic_facts import Rows, SymbolicFacts
 
@@ -48,6 +48,8 @@ _SUSPECTS_OF_A_BATCH: Final = 4
 _MOST_SUSPECTS: Final = 192
 _SLOTS: Final = (3.0, 12.0)
 _SHORT: Final = 1.0
+
+_WHATEVER_THE_FACTS: Final = "nothing that it forbids can be, whatever the facts: is a name misspelt?"
 
 
 @dataclass(slots=True)
@@ -143,7 +145,9 @@ def _examine(
     try:
         lowered = lower(book.engine, declared.schema, [prop.query])
     except NotLowerable as reason:
-        result.reason = str(reason)
+        others = undeclared(book.engine, [table.key for table in declared.tables])
+        names = ", ".join(f"{name}/{arity}" for name, arity in others)
+        result.reason = f"{reason}" + (f"; not declared by facts/2: {names}" if others else "")
         return
     answer = lowered.answers[0]
     declared.check_keys([answer.found, answer.undecided])
@@ -160,6 +164,8 @@ def _examine(
         question.decide(result, replay)
     except NotTranslatable as reason:
         result.status, result.reason = "unknown", str(reason)
+    if answer.found.is_const and not answer.found.data:
+        result.reason = result.reason or _WHATEVER_THE_FACTS
     if result.status == "proved":
         result.floats = margin_of(
             answer, lowered.pool, book.ranges, max([1, *rows.values()]), _columns(declared, rows)
