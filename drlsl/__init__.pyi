@@ -1,5 +1,5 @@
 from .driving import Action, Decision, Road, Scene, Shield, Vehicle, facts_of
-from .shield import LogicShield, LogicVectorShield
+from .shield import LogicShield, LogicVectorShield, of_each
 from .traffic import Direction, Lane
 from .version import __version__
 
@@ -16,4 +16,5 @@ __all__ = [
     "Vehicle",
     "__version__",
     "facts_of",
+    "of_each",
 ]

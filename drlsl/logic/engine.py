@@ -67,18 +67,21 @@ class UnknownProcedure(ExistenceError):
         return super().message() + self._meant()
 
     def _meant(self) -> str:
-        if self._program is None:
-            return self._hint
-        known = {key for key, predicate in self._program.predicates.items() if predicate.defined}
-        known |= {*builtin_indicators(), *library().exports}
-        arities = sorted(arity for name, arity in known if name == self._name)
-        names = get_close_matches(self._name, {name for name, _ in known if not name.startswith("$")}, 1)
-        if arities:
-            return f"; there is {', '.join(f'{self._name}/{arity}' for arity in arities)}"
-        if names:
-            meant = sorted(arity for name, arity in known if name == names[0])
-            return f"; did you mean {names[0]}/{self._arity if self._arity in meant else meant[0]}?"
-        return ""
+        return self._hint if self._program is None else _similar(self._program, self._name, self._arity)
+
+
+def _similar(program: Program, name: str, arity: int) -> str:
+    """Return a hint at predicates like one that is not defined; nothing if there are none."""
+    known = {key for key, predicate in program.predicates.items() if predicate.defined}
+    known |= {*builtin_indicators(), *library().exports}
+    arities = sorted(other for one, other in known if one == name)
+    names = get_close_matches(name, {one for one, _ in known if not one.startswith("$")}, 1)
+    if arities:
+        return f"; there is {', '.join(f'{name}/{other}' for other in arities)}"
+    if names:
+        meant = sorted(other for one, other in known if one == names[0])
+        return f"; did you mean {names[0]}/{arity if arity in meant else meant[0]}?"
+    return ""
 
 
 class EngineBusyError(RuntimeError):
@@ -328,6 +331,10 @@ class Engine:
         """Return whether the program has clauses for a predicate, or declares it dynamic."""
         predicate = self.program.predicates.get((name, arity))
         return predicate is not None and predicate.defined
+
+    def similar(self, name: str, arity: int) -> str:
+        """Return a hint at predicates like one that is not defined, to end a sentence; or nothing."""
+        return _similar(self.program, name, arity)
 
     def is_dynamic(self, name: str, arity: int) -> bool:
         """Return whether the program declares a predicate dynamic, or has been told its facts."""

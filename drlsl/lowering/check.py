@@ -221,7 +221,8 @@ def _undefined(engine: Engine, schema: Schema, clause: Clause) -> Iterator[Findi
             or library().find(name, arity) is not None
         )
         if not known:
-            yield Finding(_place(clause), f"{name}/{arity} is not defined", error=True)
+            problem = f"{name}/{arity} is not defined{engine.similar(name, arity)}"
+            yield Finding(_place(clause), problem, error=True)
 
 
 def _unreachable(predicate: Predicate) -> Iterator[Finding]:

@@ -65,20 +65,21 @@ class ActionRules:
         limits: Limits = LIMITS,
         remember: int = 0,
     ) -> None:
-        """Load the program and check it; findings in it are logged as warnings.
+        """Load the program and check it; findings that are no errors are logged as warnings.
 
         Without a `schema` the facts are those of predicates that the program declares dynamic, and the first
         facts tell the kinds of their columns. What was found for `remember` states is kept, and given
         again for the same facts; facts in arrays are decided anew each time.
 
         Raises:
-            UserError: the program cannot be loaded, does not define what is asked, or names an action that is
-                not among `actions`; or the tier cannot run it, as far as is known without facts.
+            UserError: the program cannot be loaded, does not define what is asked, calls a predicate that is
+                not defined, or names an action that is not among `actions`; or the tier cannot run it, as far
+                as is known without facts.
         """
         self.actions: Final = _checked_names(actions)
         self._places = {name: place for place, name in enumerate(self.actions)}
-        if problem := self._problem_with(fallback):
-            raise UserError(f"fallback: {problem}")
+        if fallback not in self._places:
+            raise UserError(f"fallback: {fallback} is {self._not_among(fallback)}")
         self.fallback: Final = fallback
         self.counts: Final = Counts()
         self._engine = loaded(rules)
@@ -93,7 +94,10 @@ class ActionRules:
         for asked in (self._ask, self._reasons):
             for place, problem in clauses_about_others(self._engine, asked, self._problem_with):
                 raise UserError(f"{place}: {problem}")
+        self._forms = FactForms(self._engine, schema)
         for finding in find_mistakes(self._engine, schema or Schema(())):
+            if finding.error:
+                raise UserError(f"the rules cannot be used: {finding}")
             _LOG.warning("%s", finding)
         self._tier_name = check_tier(tier)
         self._query = Query(self._ask.name, 1, "set")
@@ -101,7 +105,6 @@ class ActionRules:
         self._limits = limits
         self._known: StateMemory[Offer] = StateMemory(remember)
         self._known_reasons: StateMemory[Sequence[tuple[Any, ...]]] = StateMemory(remember)
-        self._forms = FactForms(self._engine, schema)
         self._names: dict[int, str] = {}  # of integers in arrays
         self._states = States(self._place, len(self.actions), self._forms, self._names)
         self._reference = InterpretedTier(Interpreter(self._engine, [self._query], limits), self._states)
@@ -216,8 +219,10 @@ class ActionRules:
         """Return why an action is not offered in the state of `facts`; nothing if the rules do not say it.
 
         Raises:
-            UserError: facts are not of the form that was declared.
+            UserError: facts are not of the form that was declared, or `action` is not among `actions`.
         """
+        if action not in self._places:
+            raise UserError(f"the action {action} is {self._not_among(action)}")
         if not self._engine.defines(self._reasons.name, 2):
             return ()
         with self._lock:
@@ -291,9 +296,7 @@ class ActionRules:
             offered = self._reference.one(facts)
         if not offered:
             raise RuleFailure(_NOTHING)
-        for name in offered:
-            self._place(name)
-        return tuple(offered)  # type: ignore[arg-type]  # `_place` refuses what is no name
+        return tuple(self.actions[place] for place in sorted({self._place(name) for name in offered}))
 
     def _decided_many(self, facts: ManyFacts, count: int) -> Offers:
         found = self._tier(many=True).many(facts, count)
@@ -398,11 +401,15 @@ class ActionRules:
 
     def _problem_with(self, name: str) -> str:
         """Return the problem with an action's name; nothing if there is none."""
-        if name in self._places:
-            return ""
+        return (
+            ""
+            if name in self._places
+            else f"the rules name the action {name}, which is {self._not_among(name)}"
+        )
+
+    def _not_among(self, name: str) -> str:
         near = get_close_matches(name, self.actions, 1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        return f"the rules name the action {name}, which is not among {', '.join(self.actions)}{hint}"
+        return f"not among {', '.join(self.actions)}" + (f"; did you mean {near[0]}?" if near else "")
 
     def _check_possible_answers(self) -> None:
         """Check the actions that the program can offer, as far as it can be lowered without facts."""

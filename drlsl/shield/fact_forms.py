@@ -22,6 +22,9 @@ _KINDS: Final[dict[str, Kind]] = {"f": "float", "i": "int", "u": "int", "U": "at
 _EXPECTED: Final = "expected a name, an integer or a number"
 
 
+_WRITE_FLOAT: Final = "write float(...) in every row of a column that may hold a fraction"
+
+
 class FactForms:
     """The relations that facts are given of: those of a schema, or those that the program declares dynamic.
 
@@ -33,12 +36,16 @@ class FactForms:
         """Find the relations of `schema`, or of the program of `engine`.
 
         Raises:
-            UserError: the program has rules for a relation of the schema.
+            UserError: `schema` is none, or the program has rules for a relation of it.
         """
         declared = [key for key in engine.predicates() if engine.is_dynamic(*key)]
         self._optional = {key for key in declared if engine.clauses(*key)}
         self._kinds: dict[Key, tuple[Kind, ...] | None] = dict.fromkeys(declared)
         self.keys: frozenset[Key] = frozenset(self._kinds)
+        if not isinstance(schema, Schema | None):
+            raise UserError(
+                f"schema is {schema!r:.80}; expected drlsl.lowering.Schema([Relation('car', ('float',))])"
+            )
         self.schema = schema
         self._given = schema is not None
         if schema is None:
@@ -124,7 +131,7 @@ class FactForms:
 
     def misfit(self, error: Exception) -> UserError:
         """Return the error for facts that are not of their relation's form."""
-        told = "" if self._given else ", as in the first facts; give every row so, or declare it by `schema`"
+        told = "" if self._given else f", as in the first facts; {_WRITE_FLOAT}, or declare it by `schema`"
         return UserError(f"facts do not fit: {error}{told}")
 
     def relation(self, key: Key) -> Relation | None:

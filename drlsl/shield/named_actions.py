@@ -108,13 +108,18 @@ def check_facts_function(facts: Any) -> Callable[[Any], Any]:
     return facts  # type: ignore[no-any-return]
 
 
-def told_facts(facts: Callable[[Any], Any], env: Any) -> Any:
-    """Return the facts of the present state of an environment.
+def told_facts(facts: Callable[[Any], Any], env: Any, which: str = "") -> Any:
+    """Return the facts of the present state of an environment, or of all in a vector environment.
 
     Raises:
-        UserError: the function raised an error.
+        UserError: the function raised an error; `which` says of which environment the facts were to be.
     """
     try:
         return facts(env)
+    except UserError:
+        raise
     except Exception as error:
-        raise UserError(f"facts raised {type(error).__name__}: {error}; it was given {env}") from error
+        told = f"facts {which}".strip() + f" raised {type(error).__name__}: {error}; it was given {env}"
+        if isinstance(env, gymnasium.vector.VectorEnv):
+            told += "; a function of one environment becomes one of all by drlsl.of_each(facts)"
+        raise UserError(told) from error

@@ -18,7 +18,7 @@ MOST_REASONS: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """The actions offered in one state, in the order derived, never none.
+    """The actions offered in one state, in the order of `ActionRules.actions`, never none.
 
     Where the rules gave no usable answer, `failure` is the reason, and the fallback alone is offered.
     """

@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
+from drlsl.errors import UserError
 from drlsl.logic import Limits
 from drlsl.lowering.ir import Schema
 from drlsl.masks import check_mode, settle
@@ -23,8 +24,23 @@ from drlsl.shield.wrapper import PENALTY
 
 
 def of_each(facts: Callable[[Any], Facts]) -> Callable[[Any], list[Facts]]:
-    """Return the function of a `SyncVectorEnv` that gives the facts of each of its environments."""
-    return lambda envs: [facts(env.unwrapped) for env in envs.envs]
+    """Return the function of a `SyncVectorEnv` that gives the facts of each of its environments.
+
+    Raises:
+        UserError: `facts` is no function. What is returned raises one where the vector environment is of
+            another class, or `facts` raises an error, and says in which environment.
+    """
+    check_facts_function(facts)
+
+    def facts_of_all(envs: Any) -> list[Facts]:
+        if not isinstance(envs, SyncVectorEnv):
+            raise UserError(
+                f"facts of each environment are asked of {type(envs).__name__}, and only a SyncVectorEnv has "
+                "them at hand; shield each by itself: wrappers=[lambda env: LogicShield(env, ...)]"
+            )
+        return [told_facts(facts, env.unwrapped, f"of environment {at}") for at, env in enumerate(envs.envs)]
+
+    return facts_of_all
 
 
 class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in Gymnasium 1.2 it is not generic
@@ -168,7 +184,7 @@ class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in G
 
     def _reason(self, index: int, action: str) -> str:
         """Return why an action is not offered in one of the environments."""
-        if index in self._failures or self._terminated[index]:
+        if index in self._failures or self._terminated[index] or action not in self.rules.actions:
             return self._failures.get(index, NOT_OFFERED)
         place = int(np.searchsorted(self._asked, index))
         return "; ".join(self.rules.objections_in(self._facts, place, action)) or NOT_OFFERED

@@ -168,6 +168,8 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         assert self._offer is not None
         if self._offer.failure:
             return self._offer.failure
+        if action not in self.rules.actions:  # it has no name
+            return NOT_OFFERED
         return "; ".join(self.rules.objections(self._facts, action)) or NOT_OFFERED
 
     def _told(self, info: dict[str, Any], *, asked: str, taken: str, reason: str) -> dict[str, Any]:

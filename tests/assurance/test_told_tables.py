@@ -111,7 +111,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
     [
         ("shield: {actions: [south, pickup, dropoff], fallback: south}\n", "", ":1: shield is missing"),
         ("fallback: south", "falback: south", ":2: shield.f"),
-        ("fallback: south}", "fallback: north}", "shield: fallback: the rules name the action north"),
+        ("fallback: south}", "fallback: north}", "shield: fallback: north is not among"),
         ("fallback: south}", "fallback: south, ask: offered(north)}", "shield: ask is 'offered"),
         ("[south, pickup, dropoff], f", "[south, dropoff], f", ":8: objections: there is no action pickup; "),
         (

@@ -52,8 +52,8 @@ def _uncompiled() -> Any:
         yield
 
 
-def known(offer: Offer, *, ordered: bool) -> Any:
-    return (offer.actions if ordered else sorted(offer.actions)), offer.failure
+def known(offer: Offer) -> Any:
+    return offer.actions, offer.failure
 
 
 def in_arrays(rules: ActionRules, scenes: Sequence[Any]) -> dict[tuple[str, int], Rows]:
@@ -78,17 +78,14 @@ def check(text: str, scenes: Sequence[Any], *, inferred: bool) -> None:
                 raise
             event(f"{tier} refused")
             continue
-        ordered = tier in ("scalar", "auto")
-        assert [known(one, ordered=ordered) for one in given] == [
-            known(one, ordered=ordered) for one in expected
-        ], tier
+        assert [known(one) for one in given] == [known(one) for one in expected], tier
         assert [rules.objections(facts, "left") for facts in scenes] == reasons
         forms: list[Any] = [list(scenes)] if inferred else [list(scenes), in_arrays(rules, scenes)]
         for form in forms:
             offers = rules.offers(form)
             for index, offer in enumerate(expected):
-                found = [name for name, there in zip(ACTIONS, offers.mask[index], strict=True) if there]
-                assert (found, offers.failures.get(index, "")) == known(offer, ordered=False), tier
+                found = tuple(name for name, there in zip(ACTIONS, offers.mask[index], strict=True) if there)
+                assert (found, offers.failures.get(index, "")) == known(offer), tier
         event(f"{tier} answered")
         counted = 2 + (not inferred)
         assert rules.counts.decisions == counted * len(scenes)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
 from drlsl import LogicShield, LogicVectorShield
 from drlsl.errors import UserError
@@ -175,3 +175,33 @@ def test_actions_that_the_environments_have_not_are_refused() -> None:
             envs.step(wrong)
     with pytest.raises(TypeError, match="expected 5 integers"):
         envs.step(np.full(COUNT, 3.0))
+
+
+def test_facts_for_one_environment_are_told_from_those_of_all() -> None:
+    envs = LogicVectorShield(walks(), RULES, facts=facts, **SETTINGS)
+    with pytest.raises(
+        UserError, match=r"a function of one environment becomes one of all by drlsl\.of_each"
+    ):
+        envs.reset(seed=0)
+
+
+def test_it_is_told_of_which_environment_facts_raised() -> None:
+    def failing(walk: Walk) -> dict[tuple[str, int], Any]:
+        if walk is raising:
+            raise KeyError("lost")
+        return facts(walk)
+
+    env = walks()
+    raising = env.envs[3].unwrapped
+    envs = LogicVectorShield(env, RULES, facts=of_each(failing), **SETTINGS)
+    with pytest.raises(UserError, match="facts of environment 3 raised KeyError: 'lost'"):
+        envs.reset(seed=0)
+
+
+def test_environments_in_other_processes_are_shielded_there() -> None:
+    envs = LogicVectorShield(AsyncVectorEnv([Walk]), RULES, facts=of_each(facts), **SETTINGS)
+    try:
+        with pytest.raises(UserError, match=r"of AsyncVectorEnv, .* shield each by itself: wrappers="):
+            envs.reset(seed=0)
+    finally:
+        envs.close()
