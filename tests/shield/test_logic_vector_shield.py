@@ -178,7 +178,7 @@ def test_actions_that_the_environments_have_not_are_refused() -> None:
 
 
 def test_facts_for_one_environment_are_told_from_those_of_all() -> None:
-    envs = LogicVectorShield(walks(), RULES, facts=facts, **SETTINGS)
+    envs = LogicVectorShield(walks(), RULES, **{**SETTINGS, "facts": facts})
     with pytest.raises(
         UserError, match=r"a function of one environment becomes one of all by drlsl\.of_each"
     ):
