@@ -97,7 +97,7 @@ class Drawn:
 @pytest.mark.parametrize("kernel", KERNELS, ids=lambda kernel: str(kernel.__name__))
 @settings(max_examples=40, deadline=None)
 @given(
-    seed=st.integers(0, 2**32 - 1), egos=st.integers(1, 4), lanes=st.integers(1, 4), slots=st.integers(1, 5)
+    seed=st.integers(0, 2**32 - 1), egos=st.integers(1, 9), lanes=st.integers(1, 4), slots=st.integers(1, 5)
 )
 def test_machine_code_does_what_the_function_does(
     kernel: Any, seed: int, egos: int, lanes: int, slots: int

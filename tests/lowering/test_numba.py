@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import shutil
 import struct
 import subprocess
 import sys
@@ -20,7 +21,16 @@ from hypothesis import strategies as st
 from drlsl.driving import shield
 from drlsl.driving.scene import EGO, SCHEMA, Scene, Vehicle
 from drlsl.driving.shield import query_of
-from drlsl.lowering.backends import Floats1, Rows, compile_numba, compile_numpy, numba_compile
+from drlsl.lowering.backends import (
+    Floats1,
+    Rows,
+    Words1,
+    compile_numba,
+    compile_numpy,
+    numba_compile,
+    numba_operations,
+    prefetch,
+)
 from drlsl.lowering.backends.batch_program import BatchResult
 from drlsl.lowering.backends.loop_ops import CALLED
 from drlsl.lowering.backends.numba_backend import NumbaProgram
@@ -502,3 +512,32 @@ def test_a_function_of_other_types_is_refused(tmp_path: Path) -> None:
 
     with pytest.raises(TypeError, match="one is str, no type"):
         compiled_function(texts, tmp_path)
+
+
+def last_fetched(words: Words1, begin: int, end: int) -> int:
+    prefetch(words, begin, end)
+    return int(words[end - 1])
+
+
+def test_words_are_fetched_ahead_line_by_line(tmp_path: Path) -> None:
+    words = np.arange(100, dtype=np.int32)
+    fetching = compiled_function(last_fetched, tmp_path)
+    for begin, end in ((0, 100), (3, 4), (99, 100), (0, 17)):
+        assert fetching(words, begin, end) == last_fetched(words, begin, end) == end - 1
+    (text,) = compiled_function(last_fetched, None).inspect_llvm().values()  # type: ignore[attr-defined]
+    assert "call void @llvm.prefetch" in text
+
+
+def test_code_that_fetches_ahead_depends_on_how_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled_function(last_fetched, tmp_path)
+    for path in tmp_path.iterdir():
+        path.unlink() if path.is_file() else shutil.rmtree(path)
+    compiled_function(last_fetched, tmp_path)
+    assert not list(tmp_path.glob("last_fetched_*.py")), "it is known in this process"
+    changed = tmp_path / "numba_operations.py"
+    changed.write_text(Path(str(numba_operations.__file__)).read_text() + "\n# another way\n")
+    monkeypatch.setattr(numba_operations, "__file__", str(changed))
+    compiled_function(last_fetched, tmp_path)
+    assert len(list(tmp_path.glob("last_fetched_*.py"))) == 1

@@ -22,6 +22,7 @@ from drlsl.lowering.backends import (
     Mask2,
     Words1,
     Words2,
+    prefetch,
 )
 from drlsl.traffic import LANE, LENGTH, UNIT, VEHICLE, WIDTH
 
@@ -32,6 +33,9 @@ EGO: Final = -1
 
 LEFT: Final = 1
 """The number of the action that changes to the left; a greater one changes to the right."""
+
+FETCHED: Final = 6
+"""Egos whose rows of a film are fetched ahead of the one that is looked at."""
 
 CONTACT, OFF_ROAD, TERMINATED, TRUNCATED, ENTERS, PLAYING = range(6)
 """The rows of the events of a step."""
@@ -210,6 +214,13 @@ def look(
     slots = valid.shape[1]
     any_touches = False
     for place in range(len(places)):
+        if place + FETCHED < len(places):
+            later = places[place + FETCHED]
+            row, own = min(frame[later], frames[later] - 1), own_slots[later]
+            begin = motion_begin[later] + 4 * row * own
+            prefetch(motion, begin, begin + 4 * own)
+            begin = piece_begin[later] + row * own
+            prefetch(piece, begin, begin + own)
         ego = places[place]
         row, own = min(frame[ego], frames[ego] - 1), own_slots[ego]
         for column in range(4):

@@ -12,7 +12,7 @@ import numpy as np
 from drlsl.driving.config import TRACK_LENGTH, EnvConfig
 from drlsl.driving.scene import EGO_ID, SceneBatch
 from drlsl.driving.shield import Shield
-from drlsl.driving.simulation.entry_loops import entry_scenes
+from drlsl.driving.simulation.entry_loops import entry_scenes, slots_between
 from drlsl.driving.simulation.films import Films
 from drlsl.driving.simulation.playback import Playback
 from drlsl.errors import UserError
@@ -39,6 +39,9 @@ KEPT: Final = 1 << 19
 
 RAMP_ZONE: Final = 40.0
 """Length of the part of a merging lane where the ego enters, from its beginning [m]."""
+
+SLACK: Final = 1.0
+"""Metres beyond the radar range in which vehicles are looked at, so that rounding leaves none out."""
 
 SLOW: Final = 10.0
 """Percentage of the recorded speeds that are slower than the ego is expected to be."""
@@ -130,6 +133,9 @@ class Entries:
         fastest = np.inf if playback.ramp is None else RAMP_LIMIT
         self._limit = np.array([min(lane.speed_limit, fastest) for lane in self._lanes])[self._lane]
         self._x = np.tile(playback.at(along), len(self._lanes))
+        reach = playback.road.radar_range + SLACK
+        self._seen = float(self._x.min()) - reach, float(self._x.max()) + reach
+        self._sign, self._roads = float(playback.sign), (playback.road,)
         self._films = Films([playback.film])
         self._kept = kept
         self._known: dict[int, tuple[Integers, Floats]] = {}
@@ -175,7 +181,9 @@ class Entries:
     def _scenes(self, frames: Integers) -> tuple[SceneBatch, Floats]:
         """Return the scenes with the ego at every place in some frames, and its speed there, shape (F, P)."""
         films, road = self._films, self._playback.road
-        shape = len(frames) * len(self._x), films.slots
+        found = np.empty((len(frames), films.slots), dtype=np.int64)
+        most = machine_code(slots_between)(frames, films.motion, films.piece, *self._seen, found)
+        shape = len(frames) * len(self._x), most
         numbers, whole = np.empty((len(NUMBERS), *shape)), np.empty((2, *shape), dtype=np.int64)
         (vehicle, lane), valid = whole, np.empty(shape, dtype=np.bool_)
         speed = np.empty(shape[0])
@@ -184,11 +192,12 @@ class Entries:
             films.motion,
             films.piece,
             films.table,
+            found,
             self._x,
             self._centre,
             self._lane_id,
             self._limit,
-            float(self._playback.sign),
+            self._sign,
             road.radar_range,
             EGO_ID,
             *self._size,
@@ -200,7 +209,7 @@ class Entries:
         )
         scenes = SceneBatch.from_numbers(
             numbers,
-            roads=(road,),
+            roads=self._roads,
             road=np.zeros(shape[0], dtype=np.int64),
             target_lane=lane[:, 0],
             id=vehicle,

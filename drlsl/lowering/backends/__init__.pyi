@@ -18,6 +18,7 @@ from .plain_functions import (
     Words2,
     machine_code,
 )
+from .prefetching import prefetch
 from .scalar import Scalar, compile_scalar, scalar_source
 from .torch_backend import compile_torch
 
@@ -52,6 +53,7 @@ __all__ = [
     "machine_code",
     "numba_source",
     "numpy_source",
+    "prefetch",
     "scalar_source",
     "tree_nodes",
 ]

@@ -87,9 +87,10 @@ def compiled_function(function: Callable[..., Any], folder: Path | None) -> Call
     Raises:
         TypeError: an annotation is none of these names.
     """
-    called = list(_functions_of(function))
+    called, written = list(_functions_of(function)), make_operations_known()
     for one in called:
-        register_jitable(one)
+        if one not in written:
+            register_jitable(one)
     taken: list[Any] = []
     given = types.void
     for name, annotation in function.__annotations__.items():
@@ -104,6 +105,8 @@ def compiled_function(function: Callable[..., Any], folder: Path | None) -> Call
     # Numba keeps where it found the functions, too.
     homes = [f"{one.__module__}.{one.__qualname__}" for one in (function, *called)]
     uses = [*homes, *sources[1:], *map(repr, _constants_of([function, *called]))]
+    if any(one in written for one in called):
+        uses.append(Path(str(numba_operations.__file__)).read_text(encoding="utf-8"))
     return _kept_or_compiled(
         _Text(function.__name__, text, function.__name__, function.__globals__, uses), given(*taken), folder
     )
