@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from drlsl.cli.options import recordings
+from drlsl.errors import UserError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -126,20 +127,32 @@ def convert(
     paths: PathArguments,
     out: Annotated[
         Path,
-        typer.Option(help="Folder to write, or a file that ends in .parquet.", show_default=False),
+        typer.Option(help="Folder to write, or a file that ends in .parquet or .npz.", show_default=False),
     ],
     to: Annotated[
-        Literal["highd", "parquet"] | None,
-        typer.Option(help="The format; parquet if the file to write is called so.", show_default="highd"),
+        Literal["highd", "parquet", "npz"] | None,
+        typer.Option(
+            help="The format; parquet if the file to write is called so. Episodes: parquet or npz.",
+            show_default="highd",
+        ),
     ] = None,
     fill_gaps: FillGaps = None,
     smooth: Smooth = None,
     every: Every = 1,
     force: Annotated[bool, typer.Option("--force", help="Replace what exists.")] = False,
 ) -> None:
-    """Write recordings in highD's layout or, exactly, as Parquet (extra `parquet`); repair them if asked."""
+    """Write recordings in highD's layout or, exactly, as Parquet (extra `parquet`); repair them if asked.
+
+    Episodes, files or folders of them, are written as Parquet or as .npz.
+    """
     from drlsl.traffic import load_source
 
+    if episodes := _episodes(paths):
+        repairs = fill_gaps is not None or smooth is not None or every != 1
+        _convert_episodes(episodes, out, to, repairs=repairs, force=force)
+        return
+    if to == "npz" or out.suffix == ".npz":
+        raise UserError(f"{', '.join(paths)}: no episodes, which alone are written as .npz")
     kind = to or ("parquet" if out.suffix == ".parquet" else "highd")
     sources, several = _sources(paths)
     for source in sources:
@@ -188,6 +201,41 @@ def _sources(paths: Sequence[str]) -> tuple[list[Source], bool]:
     return sources, len(sources) > 1
 
 
+def _episodes(paths: Sequence[str]) -> list[Path]:
+    """Return the files of the episodes that paths name, none if they name recordings.
+
+    Raises:
+        UserError: they name both.
+    """
+    from drlsl.cli.episode_folder import episodes_of
+
+    found = [episodes_of(Path(path)) for path in paths]
+    if any(found) and not all(found):
+        other = next(path for path, files in zip(paths, found, strict=True) if not files)
+        raise UserError(f"{other}: no episodes, as others are that are named; convert these apart")
+    return [one for files in found for one in files]
+
+
+def _convert_episodes(episodes: list[Path], out: Path, to: str | None, *, repairs: bool, force: bool) -> None:
+    """Write episodes in another format, and say what was written.
+
+    Raises:
+        UserError: a flag is none for episodes, or they cannot be read or written.
+    """
+    from drlsl.cli.episode_folder import convert_episodes
+    from drlsl.traffic import counted
+
+    if repairs:
+        raise UserError("--fill-gaps, --smooth and --every are for recordings, not for episodes")
+    kind = to or out.suffix.removeprefix(".")
+    if kind not in ("npz", "parquet"):
+        raise UserError(
+            f"--out {out}: episodes become .npz or .parquet; name such a file, or add --to parquet"
+        )
+    files = convert_episodes(episodes, out, f".{kind}", force=force)
+    typer.echo(f"{out}: {counted(len(files), 'episode')}")
+
+
 def _file_name(name: str) -> str:
     """Return the name of a recording as that of a file."""
     return re.sub(r"[^\w.-]+", "-", name)
@@ -210,7 +258,6 @@ def _write(recording: Recording, out: Path, kind: str, *, force: bool) -> None:
     Raises:
         UserError: it exists and `force` is not given, or it cannot be written.
     """
-    from drlsl.errors import UserError
     from drlsl.traffic import counted, highd_content, write_highd, write_parquet
 
     if kind == "highd":
@@ -307,7 +354,6 @@ def _merges(texts: Sequence[str]) -> tuple[Merge, ...]:
     Raises:
         UserError: a text is not AT:LENGTH:FLOW.
     """
-    from drlsl.errors import UserError
     from drlsl.traffic import Merge
 
     merges = []
@@ -326,8 +372,6 @@ def _numbers(flag: str, text: str, mark: str, expected: str) -> tuple[float, ...
     Raises:
         UserError: there is anything else.
     """
-    from drlsl.errors import UserError
-
     try:
         return tuple(float(item) for item in text.split(mark))
     except ValueError:

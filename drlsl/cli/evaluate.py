@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from drlsl.cli.episode_folder import EpisodeFolder, EpisodesOut
+from drlsl.cli.episode_folder import EpisodeFolder, EpisodesAs, EpisodesOut
 from drlsl.cli.options import Direction, check_new, given_settings, one_or_several, recordings
 from drlsl.errors import UserError
 
@@ -105,6 +105,7 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="Write the result here too, as JSON.")
     ] = None,
     episodes_out: EpisodesOut = None,
+    episodes_as: EpisodesAs = "npz",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
     """Drive with a trained policy, or another driver, and count what happens.
@@ -141,7 +142,9 @@ def evaluate(
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
     name, wants = (who, "preferences") if folder is None else (POLICY, "Q-values")
-    recorded = None if episodes_out is None else EpisodeFolder(episodes_out, config.env, who, wants)
+    recorded = None
+    if episodes_out is not None:
+        recorded = EpisodeFolder(episodes_out, config.env, who, wants, f".{episodes_as}")
     shields: Sequence[ShieldState] = ("on", "off") if shield == "both" else (shield,)
     records = judge(
         [Trial(name, driver, one) for one in shields],

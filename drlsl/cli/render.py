@@ -32,8 +32,8 @@ def render(
         typer.Argument(
             metavar="RUN|RECORDING|EPISODE|SCENE",
             help="Run folder that `drlsl train` made; or a bundled recording's name, a highD folder or an "
-            "NGSIM file; or an episode (.npz) that drlsl eval or stress wrote; or a scene file (.json), as "
-            "for drlsl query.",
+            "NGSIM file; or an episode (.npz, .parquet) that drlsl eval or stress wrote; or a scene file "
+            "(.json), as for drlsl query.",
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Write to this file: .png, .gif or .mp4.")],
@@ -68,7 +68,7 @@ def render(
 
     A .png of a run or a recording shows the moment at --begin. Needs pip install 'drlsl[render]'.
     """
-    from drlsl.driving.episodes import SUFFIX, load_episode
+    from drlsl.driving.episodes import is_episode, load_episode
     from drlsl.driving.rendering import Film, RoadView, check_film_path
 
     check_film_path(out)
@@ -79,7 +79,7 @@ def render(
         typer.echo(f"wrote {out}")
         return
     drive: _Drive | _Replay
-    if what.endswith(SUFFIX):
+    if is_episode(Path(what)):
         drive = _Replay(load_episode(Path(what)))
     else:
         config, who, arguments, own_seed = _drive(what, driver, settings or [], rules, shield)

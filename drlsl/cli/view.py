@@ -22,8 +22,9 @@ What = Annotated[
     list[str],
     typer.Argument(
         metavar="RUN|EPISODE|SCENE...",
-        help="Run folder with a folder episodes in it; a folder or a file (.npz) of episodes, as drlsl eval "
-        "--episodes-out and drlsl stress --out write them; or a scene file (.json). Several share a page.",
+        help="Run folder with a folder episodes in it; a folder or a file (.npz, .parquet) of episodes, as "
+        "drlsl eval --episodes-out and drlsl stress --out write them; or a scene file (.json). "
+        "Several share a page.",
     ),
 ]
 
@@ -66,17 +67,18 @@ def _episodes(path: Path, rules: list[Path] | None) -> Iterator[Episode]:
     Raises:
         UserError: it is nothing that can be shown.
     """
-    from drlsl.driving.episodes import SUFFIX, load_episode
+    from drlsl.driving.episodes import SUFFIXES, load_episode
 
     if path.suffix == ".json":
         yield _of_scene(path, rules)
     elif path.is_dir():
         yield from map(load_episode, _files(path))
-    elif path.suffix == SUFFIX:
+    elif path.suffix in SUFFIXES:
         yield load_episode(path)
     elif path.exists():
         raise UserError(
-            f"{path}: expected a run, a folder or a file ({SUFFIX}) of episodes, or a scene (.json)"
+            f"{path}: expected a run, a folder or a file ({', '.join(SUFFIXES)}) of episodes, or a scene "
+            "(.json)"
         )
     else:
         raise UserError(f"{path}: there is no such run folder, episode or scene")
@@ -88,11 +90,11 @@ def _files(folder: Path) -> list[Path]:
     Raises:
         UserError: there are none; the message tells how to get some.
     """
-    from drlsl.driving.episodes import SUFFIX
+    from drlsl.driving.episodes import SUFFIXES, episode_files
 
     is_run = (folder / "config.yaml").is_file()
     place = folder / EPISODES if is_run else folder
-    found = sorted(place.glob(f"*{SUFFIX}"))
+    found = episode_files(place)
     if not found and is_run:
         raise UserError(
             f"{folder} has no episodes; to record some: drlsl eval {folder} --episodes 3 "
@@ -100,7 +102,8 @@ def _files(folder: Path) -> list[Path]:
         )
     if not found:
         raise UserError(
-            f"{folder} has no episodes ({SUFFIX}); drlsl eval RUN --episodes-out DIR records some"
+            f"{folder} has no episodes ({', '.join(SUFFIXES)}); drlsl eval RUN --episodes-out DIR records "
+            "some"
         )
     return found
 

@@ -1,5 +1,6 @@
 from .caches import cache_folder, make_room
 from .lock import FolderLock
+from .parquet_table import parquet_library, read_metadata, read_table, write_table
 from .plain_text import parse_json, printable, read_text, to_json
 from .problems import problem_text
 from .seal import (
@@ -28,10 +29,13 @@ __all__ = [
     "make_room",
     "open_archive",
     "open_values",
+    "parquet_library",
     "parse_json",
     "parse_yaml",
     "printable",
     "problem_text",
+    "read_metadata",
+    "read_table",
     "read_text",
     "read_yaml",
     "refuse_while_loading",
@@ -43,5 +47,6 @@ __all__ = [
     "to_yaml",
     "users_code",
     "write_atomic",
+    "write_table",
     "written_whole",
 ]

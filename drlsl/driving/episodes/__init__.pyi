@@ -1,16 +1,20 @@
 from .driven_episode import NO_DECISION, Ending, Episode, Origin
-from .episode_file import SUFFIX, arguments_of, load_episode, save_episode
+from .episode_arrays import arguments_of
+from .episode_file import SUFFIX, SUFFIXES, episode_files, is_episode, load_episode, save_episode
 from .recorder import EpisodeRecorder, episode_of_scene
 
 __all__ = [
     "NO_DECISION",
     "SUFFIX",
+    "SUFFIXES",
     "Ending",
     "Episode",
     "EpisodeRecorder",
     "Origin",
     "arguments_of",
+    "episode_files",
     "episode_of_scene",
+    "is_episode",
     "load_episode",
     "save_episode",
 ]

@@ -9,11 +9,10 @@ from __future__ import annotations
 import json
 from dataclasses import fields
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Final
 
 from drlsl.errors import UserError
-from drlsl.files import written_whole
+from drlsl.files import read_table, write_table
 from drlsl.traffic.edit import rows_of
 from drlsl.traffic.packed_frames import Film
 from drlsl.traffic.recording import Recording
@@ -25,39 +24,15 @@ KEY: Final = b"drlsl"
 """Key of the schema's metadata under which the facts of a recording stand."""
 
 
-def pyarrow() -> tuple[ModuleType, ModuleType]:
-    """Return pyarrow and pyarrow.parquet.
-
-    Raises:
-        UserError: the extra is not installed.
-    """
-    try:
-        import pyarrow as arrow
-        import pyarrow.parquet as parquet
-    except ImportError as error:
-        raise UserError(
-            f"Parquet files need {error.name or 'pyarrow'}; install it with: pip install 'drlsl[parquet]'"
-        ) from error
-    return arrow, parquet
-
-
 def write_parquet(recording: Recording, path: Path) -> None:
     """Write a recording, whole or not at all.
 
     Raises:
         UserError: the extra is not installed, or the file cannot be written.
     """
-    arrow, parquet = pyarrow()
     tracks = rows_of(recording)
     facts = {**facts_of(recording), "frame_count": recording.frame_count}
-    table = arrow.table({item.name: getattr(tracks, item.name) for item in fields(Tracks)})
-    table = table.replace_schema_metadata({KEY: json.dumps(facts).encode()})
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(path) as file:
-            parquet.write_table(table, file, compression="zstd")
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error}") from error
+    write_table(path, {item.name: getattr(tracks, item.name) for item in fields(Tracks)}, KEY, facts)
 
 
 def load_parquet(source: Source) -> Recording:
@@ -82,19 +57,6 @@ def load_parquet(source: Source) -> Recording:
         raise UserError(f"{path}: damaged: {error}") from error
     recording.validate()
     return recording
-
-
-def read_table(path: Path) -> Any:
-    """Return the table of a Parquet file.
-
-    Raises:
-        UserError: the extra is not installed, or the file cannot be read.
-    """
-    arrow, parquet = pyarrow()
-    try:
-        return parquet.read_table(path)
-    except (OSError, arrow.ArrowException) as error:
-        raise UserError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
 
 
 def _film(tracks: Tracks, facts: Any, name: str) -> Film:

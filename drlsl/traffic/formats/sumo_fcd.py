@@ -19,8 +19,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from drlsl.errors import UserError
+from drlsl.files import read_table
 from drlsl.traffic.files import UNREADABLE, open_bytes, open_text, unreadable
-from drlsl.traffic.formats.parquet import read_table
 from drlsl.traffic.lane_pieces import pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers, frames_of, numbered

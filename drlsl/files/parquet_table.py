@@ -1,0 +1,71 @@
+"""Tables as Parquet files (extra `parquet`); pyarrow is loaded when one is read or written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from drlsl.errors import UserError
+from drlsl.files.whole_file import written_whole
+
+
+def parquet_library() -> tuple[ModuleType, ModuleType]:
+    """Return pyarrow and pyarrow.parquet.
+
+    Raises:
+        UserError: the extra is not installed.
+    """
+    try:
+        import pyarrow as arrow
+        import pyarrow.parquet as parquet
+    except ImportError as error:
+        raise UserError(
+            f"Parquet files need {error.name or 'pyarrow'}; install it with: pip install 'drlsl[parquet]'"
+        ) from error
+    return arrow, parquet
+
+
+def read_table(path: Path) -> Any:
+    """Return the table of a Parquet file.
+
+    Raises:
+        UserError: the extra is not installed, or the file cannot be read.
+    """
+    arrow, parquet = parquet_library()
+    try:
+        return parquet.read_table(path)
+    except (OSError, arrow.ArrowException) as error:
+        raise UserError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
+
+
+def read_metadata(path: Path) -> Mapping[bytes, bytes]:
+    """Return the metadata of the schema of a Parquet file.
+
+    Raises:
+        UserError: the extra is not installed, or the file cannot be read.
+    """
+    arrow, parquet = parquet_library()
+    try:
+        found: Mapping[bytes, bytes] | None = parquet.read_schema(path).metadata
+    except (OSError, arrow.ArrowException) as error:
+        raise UserError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
+    return found or {}
+
+
+def write_table(path: Path, columns: Mapping[str, Any], key: bytes, facts: Mapping[str, Any]) -> None:
+    """Write columns, and `facts` as JSON under a `key` of the schema's metadata, whole or not at all.
+
+    Raises:
+        UserError: the extra is not installed, or the file cannot be written.
+    """
+    arrow, parquet = parquet_library()
+    table = arrow.table(dict(columns)).replace_schema_metadata({key: json.dumps(facts).encode()})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(path) as file:
+            parquet.write_table(table, file, compression="zstd")
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error}") from error
