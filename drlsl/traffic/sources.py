@@ -87,7 +87,7 @@ def _in_file(location: Path, part: str | None) -> list[Source]:
     if row is None:
         raise _unknown(location)
     files = row.companions(location)
-    name = f"{location.parent.name}#{_own_part(location)}" if len(files) > 1 else location.name
+    name = f"{location.parent.name}#{_own_part(location)}" if row.named_by_folder and len(files) > 1 else location.name
     source = Source(name, row.name, files)
     if part is None:
         return [source]

@@ -250,6 +250,63 @@ def write_fcd_parquet(folder: Path, made: Traffic) -> Path:
     return folder / "fcd.parquet"
 
 
+LIMIT = 33.33
+"""Speed limit of the lanes of `write_net` [m/s]."""
+
+
+def write_net(path: Path, made: Traffic) -> Path:
+    """SUMO's network of the road: a lane of pedestrians beside it, and a street that crosses above it."""
+    edges = []
+    for sign, edge in ((-1, "west"), (1, "east")):
+        lanes = []
+        for number, own, top, bottom in made.strips():
+            if own == sign:
+                ends = [on_map(x, (top + bottom) / 2) for x in (-20.0, ROAD + 20.0)][::sign]
+                shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in ends)
+                lanes.append(
+                    f'<lane id="{edge}_{number}" index="{number}" disallow="tram rail" speed="{LIMIT}" '
+                    f'length="{ROAD + 40}" width="{bottom - top}" shape="{shape}"/>'
+                )
+        lanes.append(
+            f'<lane id="{edge}_9" index="9" allow="pedestrian" speed="1.5" length="9" width="2" '
+            f'shape="{shape}"/>'
+        )
+        edges.append(f'<edge id="{edge}" from="a" to="b" priority="1">{"".join(lanes)}</edge>')
+    above = " ".join(f"{x:.3f},{y:.3f}" for x, y in (on_map(150.0, -90.0), on_map(150.0, 90.0)))
+    edges.append(f'<edge id="street"><lane id="street_0" speed="13.9" length="180" shape="{above}"/></edge>')
+    edges.append(
+        f'<edge id=":b" function="internal"><lane id=":b_0" speed="9" length="9" shape="{shape}"/></edge>'
+    )
+    path.write_text(f'<net version="1.20">\n{"".join(edges)}\n</net>\n')
+    return path
+
+
+def write_xodr(path: Path, made: Traffic) -> Path:
+    """OpenDRIVE: one road along x, its left lanes those of traffic to the left, shoulders and a median."""
+    start = on_map(0.0, made.upper[-1])
+
+    def lane(number: int, kind: str, width: float) -> str:
+        return f'<lane id="{number}" type="{kind}"><width sOffset="0" a="{width}" b="0" c="0" d="0"/></lane>'
+
+    widths = [bottom - top for top, bottom in pairwise(made.upper)]
+    left = [lane(number, "driving", width) for number, width in enumerate(reversed(widths), start=1)]
+    left.append(lane(len(left) + 1, "shoulder", 2.5))
+    right = [lane(-1, "median", made.lower[0] - made.upper[-1])]
+    right += [
+        lane(-2 - place, "driving", bottom - top) for place, (top, bottom) in enumerate(pairwise(made.lower))
+    ]
+    right.append(lane(-1 - len(right), "shoulder", 2.5))
+    path.write_text(
+        '<OpenDRIVE><header revMajor="1" revMinor="4" name="twin" version="1"/>'
+        f'<road name="twin" length="{ROAD}" id="7" junction="-1"><planView>'
+        f'<geometry s="0" x="{start[0]}" y="{start[1]}" hdg="{ANGLE}" length="{ROAD}"><line/></geometry>'
+        f'</planView><lanes><laneSection s="0"><left>{"".join(reversed(left))}</left>'
+        f'<center><lane id="0" type="none"/></center><right>{"".join(right)}</right></laneSection></lanes>'
+        "</road></OpenDRIVE>\n"
+    )
+    return path
+
+
 TGSIM_SPELLINGS: dict[str, Callable[[str], str]] = {
     "I-90": lambda name: name,
     "I-294": lambda name: name.replace("_", "-"),

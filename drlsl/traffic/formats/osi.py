@@ -16,6 +16,7 @@ import numpy as np
 
 from drlsl.errors import UserError
 from drlsl.traffic.alignment import Axis
+from drlsl.traffic.formats.sumo_net import lanes_under, read_road
 from drlsl.traffic.lane_pieces import Piece, pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers, frames_of
@@ -40,7 +41,9 @@ TAPER: Final = 1.0
 
 
 def load_osi(source: Source) -> Recording:
-    """Load a trace; lanes are the driving lanes of its road, else where vehicles assigned to a lane drive.
+    """Load a trace; lanes lie between their boundaries, as a road beside the file says, or by assignment.
+
+    The last are where vehicles that are assigned to a lane drive.
 
     Raises:
         UserError: the extra is not installed, or the file is no trace of GroundTruth messages.
@@ -85,6 +88,8 @@ def load_osi(source: Source) -> Recording:
 
     def pieces(road: Tracks, order: np.ndarray, axis: Axis) -> list[Piece]:
         given = [*_pieces(lines, lanes, axis)]
+        if not given and len(source.files) > 1:
+            return lanes_under(source.files[1], read_road(source.files[1]), road, axis)
         on = assigned[order] >= 0
         return given or pieces_of_ids(assigned[order][on], road.x[on], road.vx[on], road.y[on])
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.errors import UserError
 from drlsl.traffic.files import ENCODING, UNREADABLE, open_bytes, unreadable
+from drlsl.traffic.road_beside import road_beside
 from drlsl.traffic.source import Source
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Format:
 
     `reader` is MODULE:FUNCTION in this folder, from a Source to a Recording, and `parts`, if the file may
     hold several recordings, one from a Source to their names. `companions` returns the files that belong to
-    the one recognised.
+    the one recognised; `named_by_folder`: with them, the recording is called as their folder.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Format:
     is_it: Callable[[Start], bool]
     parts: str | None = None
     companions: Callable[[Path], tuple[Path, ...]] = lambda path: (path,)
+    named_by_folder: bool = False
 
 
 def _numbered(path: Path) -> tuple[Path, ...]:
@@ -81,6 +83,12 @@ def _with_road(path: Path) -> tuple[Path, ...]:
     return (path, road) if road.is_file() else (path,)
 
 
+def _with_network(path: Path) -> tuple[Path, ...]:
+    """Return tracks and, if it is there, the file of their road."""
+    road = road_beside(path)
+    return (path,) if road is None else (path, road)
+
+
 def _is_tracks(start: Start) -> bool:
     return TRACKS_FILE.fullmatch(start.path.name) is not None
 
@@ -91,9 +99,15 @@ FORMATS: Final = (
         "levelx:load_levelx",
         lambda start: _is_tracks(start) and "xcenter" in start.columns,
         companions=_numbered,
+        named_by_folder=True,
     ),
-    Format("highD", "highd:load_highd", _is_tracks, companions=_numbered),
-    Format("SUMO FCD, CSV", "sumo_fcd:load_fcd", lambda start: "timesteptime" in start.columns),
+    Format("highD", "highd:load_highd", _is_tracks, companions=_numbered, named_by_folder=True),
+    Format(
+        "SUMO FCD, CSV",
+        "sumo_fcd:load_fcd",
+        lambda start: "timesteptime" in start.columns,
+        companions=_with_network,
+    ),
     Format(
         "NGSIM, CSV", "ngsim:load_ngsim", lambda start: "vehicleid" in start.columns, parts="ngsim:part_names"
     ),
@@ -101,9 +115,15 @@ FORMATS: Final = (
         "SUMO FCD, Parquet",
         "sumo_fcd:load_fcd",
         lambda start: start.head.startswith("par1") and "timestep_time" in start.head,
+        companions=_with_network,
     ),
     Format("Parquet of DRLSL", "parquet:load_parquet", lambda start: start.head.startswith("par1")),
-    Format("SUMO FCD, XML", "sumo_fcd:load_fcd", lambda start: "<fcd-export" in start.head),
+    Format(
+        "SUMO FCD, XML",
+        "sumo_fcd:load_fcd",
+        lambda start: "<fcd-export" in start.head,
+        companions=_with_network,
+    ),
     Format("CommonRoad", "commonroad:load_commonroad", lambda start: "<commonroad" in start.head),
     Format(
         "TGSIM",
@@ -121,8 +141,14 @@ FORMATS: Final = (
         "automatum:load_automatum",
         lambda start: start.path.name.startswith("dynamicWorld.json"),
         companions=_with_road,
+        named_by_folder=True,
     ),
-    Format("ASAM OSI", "osi:load_osi", lambda start: start.path.suffix in (".mcap", ".osi")),
+    Format(
+        "ASAM OSI",
+        "osi:load_osi",
+        lambda start: start.path.suffix in (".mcap", ".osi"),
+        companions=_with_network,
+    ),
     Format(
         "NGSIM, text",
         "ngsim:load_ngsim",

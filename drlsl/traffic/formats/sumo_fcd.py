@@ -20,12 +20,15 @@ import numpy as np
 
 from drlsl.errors import UserError
 from drlsl.files import read_table
+from drlsl.traffic.alignment import Axis
 from drlsl.traffic.files import UNREADABLE, open_bytes, open_text, unreadable
-from drlsl.traffic.lane_pieces import pieces_of_ids
+from drlsl.traffic.formats.sumo_net import highest_limit, lanes_under, read_road
+from drlsl.traffic.lane_pieces import Piece, pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers, frames_of, numbered
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
+from drlsl.traffic.road_beside import OPENDRIVE
 from drlsl.traffic.source import Source
 from drlsl.traffic.tracks import Tracks
 
@@ -61,7 +64,9 @@ CLASSES: Final = {
 
 
 def load_fcd(source: Source) -> Recording:
-    """Load floating car data; lanes are those that vehicles drive on along the whole stretch.
+    """Load floating car data; lanes are those of its road, if there is a file of it, along the whole stretch.
+
+    Without one they lie where vehicles with a lane id drive.
 
     Raises:
         UserError: the file is unreadable or lacks a column.
@@ -105,13 +110,17 @@ def load_fcd(source: Source) -> Recording:
     )
     lane = np.asarray(rows["lane"], dtype=np.str_)[kept]
     classes = {one: kind[0] for one, kind in zip(vehicle.tolist(), kinds, strict=True) if kind}
-    read = OnMap(tracks, rate, classes, None, USUAL_WIDTH, dropped, tuple(notes))
-    return assemble_from_map(
-        source.name,
-        Place(path),
-        read,
-        lambda road, order, _: pieces_of_ids(lane[order], road.x, road.vx, road.y),
-    )
+    place = source.files[1] if len(source.files) > 1 else None
+    drawn = [] if place is None else read_road(place)
+    limit = None if place is None or place.suffix == OPENDRIVE else highest_limit(drawn, set(lane.tolist()))
+    read = OnMap(tracks, rate, classes, limit, USUAL_WIDTH, dropped, tuple(notes))
+
+    def pieces(road: Tracks, order: np.ndarray, axis: Axis) -> list[Piece]:
+        if place is not None:
+            return lanes_under(place, drawn, road, axis)
+        return pieces_of_ids(lane[order], road.x, road.vx, road.y)
+
+    return assemble_from_map(source.name, Place(path), read, pieces)
 
 
 def _xml(path: Path) -> dict[str, list[Any]]:
