@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 Recordings = Annotated[
     list[str] | None,
     typer.Argument(
-        help="Recordings to learn from; default: highway-train and freeway.", autocompletion=recordings
+        help="Recordings to learn from, or folders, data sets and patterns of them; default: highway-train "
+        "and freeway.",
+        autocompletion=recordings,
     ),
 ]
 Domain = Annotated[
@@ -83,8 +85,8 @@ HeldOut = Annotated[
     typer.Option(
         "--held-out",
         metavar="NAME",
-        help="A recording to judge by, never learnt from; may be repeated. Default: highway-test, "
-        "overtake-test.",
+        help="A recording, or a data set, to judge by, never learnt from; may be repeated. Default: "
+        "highway-test, overtake-test.",
         autocompletion=recordings,
     ),
 ]
@@ -199,7 +201,7 @@ def _learn_lane_changes(given: _Traffic, numbers: _Numbers, effort: Effort, out:
 
     usual = LearnRequest()
     request = LearnRequest(
-        recordings=tuple(given.recording or usual.recordings),
+        recordings=_each(given.recording) or usual.recordings,
         bias=given.bias or OPENINGS,
         how=Labelling(given.label or "fault", numbers.examples or 20_000, numbers.seed),
         clauses=effort.clauses,
@@ -216,12 +218,23 @@ def _learn_lane_changes(given: _Traffic, numbers: _Numbers, effort: Effort, out:
     _print_written(out, mutants)
     what = ReportRequest(agents=tuple(given.agent or ()), crew=numbers.crew)
     if given.held_out is not None:
-        what = replace(what, held_out=tuple(given.held_out))
+        what = replace(what, held_out=_each(given.held_out))
     if numbers.report is not None:
         what = replace(what, episodes=numbers.report)
     if what.episodes:
         print(f"wrote {LearningReport(out, request, result, mutants, _tell).write(what)}")
     return result.finished
+
+
+def _each(named: list[str] | None) -> tuple[str, ...]:
+    """Return the recordings that names mean, each by a name of its own and once.
+
+    Raises:
+        UserError: one means none.
+    """
+    from drlsl.traffic import recording_names
+
+    return tuple(dict.fromkeys(one for name in named or () for one in recording_names(name)))
 
 
 def _learn_in_environment(name: str, numbers: _Numbers, effort: Effort, out: Path) -> bool:

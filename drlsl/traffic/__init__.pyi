@@ -12,7 +12,7 @@ from .road import Direction, Lane, MergingLane, Traffic
 from .road_network import RAMP_LIMIT
 from .road_presets import PRESETS, Merge, find_preset
 from .source import Source
-from .sources import BUNDLED, bundled_recordings, find_source, find_sources
+from .sources import BUNDLED, bundled_recordings, find_source, find_sources, recording_names
 from .tracks import Tracks, lanes_of_rows, pack
 from .words import counted
 
@@ -59,6 +59,7 @@ __all__ = [
     "load_recordings",
     "load_source",
     "pack",
+    "recording_names",
     "recording_report",
     "simulate",
     "smooth",

@@ -68,6 +68,27 @@ def find_sources(path: str | Path) -> list[Source]:
     return _in_file(location, part)
 
 
+def recording_names(path: str | Path) -> list[str]:
+    """Return a name for each recording that a path means, by which `find_source` finds it alone.
+
+    Raises:
+        UserError: there is none, or the format is unknown.
+    """
+    sources = find_sources(path)
+    if len(sources) == 1:
+        return [str(path)]
+    stem = str(path).rpartition("#")[0] if "#" in str(path) and not Path(path).exists() else str(path)
+    return [_name_alone(stem, source) for source in sources]
+
+
+def _name_alone(stem: str, source: Source) -> str:
+    """Return the name of one of the recordings that `stem` means: a part of it, else its own file."""
+    name = f"{stem}#{_label(source)}"
+    if not is_pattern(stem) and [one.files for one in find_sources(name)] == [source.files]:
+        return name
+    return str(source.files[0]) if source.part is None else f"{source.files[0]}#{source.part}"
+
+
 def _locate(path: str | Path) -> tuple[Path, str | None]:
     """Return the folder or file, and the part of it."""
     if str(path) in bundled_recordings():
@@ -87,7 +108,11 @@ def _in_file(location: Path, part: str | None) -> list[Source]:
     if row is None:
         raise _unknown(location)
     files = row.companions(location)
-    name = f"{location.parent.name}#{_own_part(location)}" if row.named_by_folder and len(files) > 1 else location.name
+    name = (
+        f"{location.parent.name}#{_own_part(location)}"
+        if row.named_by_folder and len(files) > 1
+        else location.name
+    )
     source = Source(name, row.name, files)
     if part is None:
         return [source]

@@ -5,13 +5,22 @@ from __future__ import annotations
 import json
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from drlsl.cli import run
 from drlsl.cli.data import app
 from drlsl.errors import UserError
-from drlsl.traffic import FORMATS, find_source, find_sources, load_recording, load_recordings
+from drlsl.traffic import (
+    FORMATS,
+    find_source,
+    find_sources,
+    load_recording,
+    load_recordings,
+    recording_names,
+)
 from drlsl.traffic.source import matching
 from tests.traffic.test_ngsim import traffic
 from tests.traffic.writing import Row, write_highd, write_ngsim_csv
@@ -50,6 +59,50 @@ def test_one_of_several_must_be_chosen_where_one_is_needed(data_set: Path) -> No
     assert load_recording(f"{data_set}#3").frame(0).x.tolist() == [53.0]
     with pytest.raises(UserError, match="no recording 13; it holds 01, 02"):
         find_sources(f"{data_set}#13")
+
+
+def test_each_recording_has_a_name_of_its_own(data_set: Path, tmp_path: Path) -> None:
+    table = tmp_path / "all.csv"
+    us101 = write_ngsim_csv(tmp_path / "a.csv", traffic(3), site="us-101").read_text()
+    i80 = write_ngsim_csv(tmp_path / "b.csv", traffic(2), site="i-80").read_text()
+    table.write_text(us101 + i80.split("\n", 1)[1])
+    archive = tmp_path / "highD.zip"
+    with zipfile.ZipFile(archive, "w") as zipped:
+        for path in sorted((data_set / "data").iterdir())[:6]:
+            zipped.write(path, path.name)
+    twice = tmp_path / "both"
+    for folder in ("a", "b"):
+        write_highd(twice / folder, [Row(1, 1, 50.0, 22.0)])
+    for whole, count in (
+        (data_set, 12),
+        (f"{data_set}#1*", 3),
+        (f"{data_set}/data/0*_tracks.csv", 9),
+        (f"{data_set}#7", 1),
+        (archive, 2),
+        (twice, 2),
+        (f"{table}#*", 2),
+        ("freeway", 1),
+    ):
+        found = recording_names(whole)
+        assert len(set(found)) == len(found) == count
+        apart, together = [find_source(one) for one in found], find_sources(whole)
+        assert [(one.files, one.part) for one in apart] == [(one.files, one.part) for one in together]
+    assert recording_names(data_set)[:2] == [f"{data_set}#01", f"{data_set}#02"]
+
+
+def test_rules_are_learnt_from_all_of_a_data_set(data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("clingo")
+    from drlsl.induction import lane_changes
+
+    asked: list[Any] = []
+
+    def refuse(request: Any) -> Any:
+        asked.append(request)
+        raise UserError("no more")
+
+    monkeypatch.setattr(lane_changes, "LaneChanges", refuse)
+    assert run(["rules", "learn", "freeway", f"{data_set}#1*", "freeway"]) == 2
+    assert asked[0].recordings == ("freeway", *(f"{data_set}#{number}" for number in (10, 11, 12)))
 
 
 def test_patterns_of_paths(data_set: Path) -> None:
