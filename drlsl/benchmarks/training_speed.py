@@ -15,6 +15,7 @@ import numpy as np
 from drlsl import driving
 from drlsl.learning import (
     Replay,
+    StackedTrainer,
     TrainConfig,
     Trainer,
     VectorHighway,
@@ -40,7 +41,7 @@ Turn = Callable[[], int]
 
 
 def training_speeds(
-    runs: int, num_envs: int, settings: Mapping[str, Any] = MappingProxyType({})
+    runs: int, num_envs: int, settings: Mapping[str, Any] = MappingProxyType({}), seeds: int | None = None
 ) -> dict[str, Any]:
     """Return updates a second on one CPU thread with preset paper: medians of `runs` runs in turn.
 
@@ -51,7 +52,11 @@ def training_speeds(
     `ratio`: of `updates_per_s` to it. `module_updates_per_s`: bare updates of the same network as a plain
     module, by autograd; `module_ratio`: the ratio of their times. `stable_baselines3_updates_per_s`: its DQN,
     if installed, with the same network, batch, optimiser and number of updates per step, in as many
-    environments, whose shield replaces its unsafe actions.
+    environments, whose shield replaces its unsafe actions. `stacked_updates_per_s`: of `seeds` trainings
+    together, if given, which would otherwise follow one another at `updates_per_s`; `stacked_ratio`: to that.
+
+    Raises:
+        UserError: a setting has a value that it cannot have, or seeds cannot be stacked with.
     """
     fixed = {"num_envs": num_envs, "device": "cpu", "episodes": 10_000_000}
     config = make_config(merged(merged(preset_values("paper"), settings), fixed), "benchmark")
@@ -63,6 +68,8 @@ def training_speeds(
         "updates_per_s_at_first": _training(config, full=False),
         "updates_per_s": _training(config, full=True),
     }
+    if seeds is not None:
+        kinds["stacked_updates_per_s"] = _stacked(config, seeds)
     if importlib.util.find_spec("stable_baselines3"):
         kinds["stable_baselines3_updates_per_s"] = _stable_baselines3(config)
     _run(kinds)  # Warms up.
@@ -73,6 +80,11 @@ def training_speeds(
     speeds["module_ratio"] = statistics.median(
         run["bare_updates_per_s"] / run["module_updates_per_s"] for run in found
     )
+    if "stacked_updates_per_s" in kinds:
+        speeds["seeds"] = seeds
+        speeds["stacked_ratio"] = statistics.median(
+            run["stacked_updates_per_s"] / run["updates_per_s"] for run in found
+        )
     if "stable_baselines3_updates_per_s" in kinds:
         speeds["stable_baselines3_ratio"] = statistics.median(
             run["updates_per_s"] / run["stable_baselines3_updates_per_s"] for run in found
@@ -116,6 +128,23 @@ def _training(config: TrainConfig, *, full: bool) -> Turn:
         while trainer.agent.updates < before + UPDATES:
             next(events)
         return trainer.agent.updates - before
+
+    return turn
+
+
+def _stacked(config: TrainConfig, seeds: int) -> Turn:
+    trainers = []
+    for seed in range(seeds):
+        env = make_training_env(config)
+        trainers.append(Trainer(env, config.model_copy(update={"seed": seed})))
+        _add_transitions(env, trainers[-1].replay, config.learning.replay_capacity)
+    steps = StackedTrainer(trainers, config).run()
+
+    def turn() -> int:
+        made = 0
+        while made < UPDATES:
+            made += sum(len(event.losses) for event in next(steps).values())
+        return made
 
     return turn
 

@@ -135,6 +135,9 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="A setting of the training; may be repeated."),
     ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Train so many seeds together, too, as train --seeds does.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure training in updates a second, beside its bare updates and Stable-Baselines3 if installed.
@@ -146,7 +149,7 @@ def train(
     from drlsl.benchmarks import training_speeds
 
     given = given_settings(settings or [], {}, "learning.precision=bfloat16")
-    speeds = training_speeds(runs, num_envs, given)
+    speeds = training_speeds(runs, num_envs, given, seeds)
     if as_json:
         print(json.dumps(speeds, indent=2))
         return
@@ -156,6 +159,9 @@ def train(
     print(f"   takes {speeds['module_ratio']:.2f} times as long")
     print(f"  training, dqnsl        {speeds['updates_per_s']:8.1f}   {speeds['ratio']:.3f} of bare")
     print(f"  training, at first     {speeds['updates_per_s_at_first']:8.1f}")
+    if "stacked_updates_per_s" in speeds:
+        together, ratio = speeds["stacked_updates_per_s"], speeds["stacked_ratio"]
+        print(f"  {f'{seeds} seeds together':<21}  {together:8.1f}   {ratio:.3f} of one after another")
     if "stable_baselines3_updates_per_s" in speeds:
         other, ratio = speeds["stable_baselines3_updates_per_s"], speeds["stable_baselines3_ratio"]
         print(f"  Stable-Baselines3 DQN  {other:8.1f}   training is {ratio:.2f} times as fast")

@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import shlex
-from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from drlsl.cli.options import Direction, Rules, given_settings, one_or_several, presets, recordings
 from drlsl.cli.stopping import Stop, stop_on_signal
+from drlsl.cli.training_display import display
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from drlsl.learning import Session, StepEvent, TrainConfig
+    from drlsl.learning import Session, StackedSession, TrainConfig
 
 RUNS = Path("runs")
 """Where a run without --out is put."""
-
-SMOOTHED = 20
-"""Episodes of the moving average of the return that is shown."""
-
-PLAIN_LINES = 20
-"""About how many progress lines are printed where there is no terminal."""
 
 
 Config = Annotated[
@@ -81,6 +73,12 @@ def train(
     bootstrap: Bootstrap = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes of training.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all that is random.")] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Train so many seeds side by side, from --seed on, each in a folder seedN of --out."
+        ),
+    ] = None,
     num_envs: NumEnvs = None,
     device: Device = None,
     threads: Annotated[int | None, typer.Option(help="PyTorch's CPU threads.")] = None,
@@ -119,9 +117,10 @@ def train(
         "checkpoint_every": checkpoint_every,
     }
     given = given_settings(settings or [], flags, "learning.discount=0.9")
+    session: Session | StackedSession
     if resume:
         others = bool(force or config or preset or print_config)
-        session = _resume(out, given, others=others, tensorboard=tensorboard)
+        session = _resume(out, given, seeds, others=others, tensorboard=tensorboard)
     else:
         chosen = _effective_config(preset, config, given)
         if print_config:
@@ -129,7 +128,7 @@ def train(
 
             typer.echo(dump_yaml(chosen), nl=False)
             return
-        session = _start(out, chosen, force=force, tensorboard=tensorboard)
+        session = _start(out, chosen, seeds, force=force, tensorboard=tensorboard)
     with session:
         _train(session)
 
@@ -147,62 +146,83 @@ def _effective_config(preset: str | None, file: Path | None, given: Mapping[str,
     return make_config(merged(values, given), "command line")
 
 
-def _start(out: Path | None, config: TrainConfig, *, force: bool, tensorboard: bool) -> Session:
-    from drlsl.learning import Session, next_free_folder
+def _start(
+    out: Path | None, config: TrainConfig, seeds: int | None, *, force: bool, tensorboard: bool
+) -> Session | StackedSession:
+    from drlsl.learning import Session, StackedSession, next_free_folder
 
+    if seeds is not None:
+        root = out or next_free_folder(RUNS, f"{config.method}-seeds")
+        return StackedSession.start(root, config, seeds, force=force, tensorboard=tensorboard)
     root = out or next_free_folder(RUNS, f"{config.method}-seed{config.seed}")
     return Session.start(root, config, force=force, tensorboard=tensorboard)
 
 
-def _resume(out: Path | None, given: Mapping[str, Any], *, others: bool, tensorboard: bool) -> Session:
-    from drlsl.learning import RunFolder, Session, make_config, merged
+def _resume(
+    out: Path | None, given: Mapping[str, Any], seeds: int | None, *, others: bool, tensorboard: bool
+) -> Session | StackedSession:
+    from drlsl.learning import RunFolder, Session, StackedSession, make_config, merged
 
     if out is None:
         raise UserError("--resume: name the run to resume with --out")
     if others:
         raise UserError("--resume takes its settings from the run: leave out --force, --config and the like")
-    stored = RunFolder.open(out).config
+    folders = StackedSession.folders(out)
+    if seeds is not None and seeds != len(folders):
+        raise UserError(f"--resume: {out} was begun with {len(folders) or 'no'} --seeds; leave it out")
+    first = folders[0] if folders else out
+    stored = RunFolder.open(first).config
     if make_config(merged(stored.model_dump(), given), "command line") != stored:
-        raise UserError(f"--resume: a setting given here differs from {out}/config.yaml; leave it out")
+        raise UserError(f"--resume: a setting given here differs from {first}/config.yaml; leave it out")
+    if folders:
+        return StackedSession.resume(out, tensorboard=tensorboard)
     return Session.resume(out, tensorboard=tensorboard)
 
 
-def _train(session: Session) -> None:
+def _train(session: Session | StackedSession) -> None:
     from rich.console import Console
 
     console = Console()
-    root, config = session.folder.root, session.folder.config
-    verb = "resume" if session.trainer.total_steps else "start"
-    precision = session.trainer.agent.precision
+    root, config = session.root, session.config
+    verb = "resume" if session.total_steps else "start"
+    precision = session.runs[0].trainer.agent.precision
     how = "" if config.learning.precision == "float32" else f", learns in {precision}"
-    typer.echo(f"{verb} {root}: {config.method}, {', '.join(config.env.recordings)}, seed {config.seed}{how}")
-    shown = shlex.quote(str(root))
+    seeds = ", ".join(str(run.config.seed) for run in session.runs)
+    which = f"seed{'s'[: len(session.runs) > 1]} {seeds}"
+    typer.echo(f"{verb} {root}: {config.method}, {', '.join(config.env.recordings)}, {which}{how}")
     with stop_on_signal(console.print) as stop:
         finished = _run(session, console, stop)
     if not finished:
+        shown = shlex.quote(str(root))
         typer.echo(f"saved at step {session.saved_steps}; resume with: drlsl train --out {shown} --resume")
         raise typer.Exit(stop.status)
-    figures = session.draw_figures()
-    typer.echo(f"{len(figures)} figures in {session.folder.figures}")
-    if session.folder.tensorboard.is_dir():
-        typer.echo(f"scalars: tensorboard --logdir {shlex.quote(str(session.folder.tensorboard))}")
-    _evaluate_briefly(session, console)
+    for run in session.runs:
+        _finish(run, console)
     typer.echo("next:")
-    typer.echo(f"  drlsl eval {shown}")
+    for run in session.runs:
+        typer.echo(f"  drlsl eval {shlex.quote(str(run.root))}")
     rules = "".join(f" --rules {shlex.quote(file)}" for file in config.env.rules)
     typer.echo(f"  drlsl query --state examples/scene.json{rules}")
 
 
-def _run(session: Session, console: Console, stop: Stop) -> bool:
+def _run(session: Session | StackedSession, console: Console, stop: Stop) -> bool:
     """Train with a display of the progress; return whether the last episode was reached."""
-    display = _LiveDisplay(session, console) if console.is_terminal else _PlainDisplay(session)
-    with display:
+    with display(session, console) as shown:
         try:
             for event in session.run(stop.requested):
-                display.step(event)
+                shown.step(event)
         except KeyboardInterrupt:
             return False
-    return session.trainer.finished == session.folder.config.episodes
+    return session.finished == session.episodes
+
+
+def _finish(run: Session, console: Console) -> None:
+    """Draw the figures of a run that is done, and evaluate it."""
+    figures = run.draw_figures()
+    typer.echo(f"{len(figures)} figures in {run.folder.figures}")
+    if run.folder.tensorboard.is_dir():
+        typer.echo(f"scalars: tensorboard --logdir {shlex.quote(str(run.folder.tensorboard))}")
+    _evaluate_briefly(run, console)
 
 
 def _evaluate_briefly(session: Session, console: Console) -> None:
@@ -241,83 +261,3 @@ def _in_a_sentence(shielded: Mapping[str, Any], free: Mapping[str, Any]) -> str:
         f"road in {on['off_road']} of {count} episodes; without it in {off['contacts_at_fault']} and "
         f"{off['off_road']}"
     )
-
-
-class _Totals:
-    """Running figures of the steps and episodes that this process has seen."""
-
-    def __init__(self, session: Session) -> None:
-        self._returns: deque[float] = deque(maxlen=SMOOTHED)
-        self._at_fault = self._not_at_fault = self._off_road = 0
-        self._started = perf_counter()
-        self._steps = self._steps_before = session.trainer.total_steps
-
-    def add(self, event: StepEvent) -> None:
-        self._steps = event.total_steps
-        for episode in event.ended:
-            summary = episode.summary
-            self._returns.append(summary.total_return)
-            self._at_fault += summary.contact and summary.at_fault
-            self._not_at_fault += summary.contact and not summary.at_fault
-            self._off_road += summary.off_road
-
-    def text(self) -> str:
-        rate = (self._steps - self._steps_before) / max(perf_counter() - self._started, 1e-9)
-        mean = sum(self._returns) / len(self._returns)
-        contacts = f"{self._at_fault} at fault, {self._not_at_fault} not"
-        return f"{rate:.0f} steps/s  return {mean:.1f}  contacts {contacts}  off-road {self._off_road}"
-
-
-class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
-    """Progress as a few plain lines."""
-
-    def __init__(self, session: Session) -> None:
-        self._last = session.folder.config.episodes
-        self._every = max(1, self._last // PLAIN_LINES)
-        self._totals = _Totals(session)
-
-    def __exit__(self, *exception: object) -> None:
-        return None
-
-    def step(self, event: StepEvent) -> None:
-        self._totals.add(event)
-        for episode in event.ended:
-            if episode.finished % self._every == 0 or episode.finished == self._last:
-                typer.echo(f"episode {episode.finished}/{self._last}  {self._totals.text()}")
-
-
-class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
-    """Progress as a bar and a line below it that stay in place."""
-
-    def __init__(self, session: Session, console: Console) -> None:
-        from rich.console import Group
-        from rich.live import Live
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-        from rich.text import Text
-
-        self._progress = Progress(
-            TextColumn("episode"),
-            MofNCompleteColumn(),
-            BarColumn(),
-            TimeRemainingColumn(),
-            TextColumn("left"),
-        )
-        self._task = self._progress.add_task(
-            "", total=session.folder.config.episodes, completed=session.trainer.finished
-        )
-        self._totals = _Totals(session)
-        self._line = Text()
-        self._live = Live(Group(self._progress, self._line), console=console)
-
-    def __enter__(self) -> _LiveDisplay:
-        self._live.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._live.stop()
-
-    def step(self, event: StepEvent) -> None:
-        self._totals.add(event)
-        if event.ended:
-            self._line.plain = self._totals.text()
-            self._progress.update(self._task, completed=event.ended[-1].finished)

@@ -25,6 +25,8 @@ from .overview import RunOverview, differing_settings, find_runs, overview_of
 from .replay import Replay
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, MODEL, RunFolder, next_free_folder
 from .session import Session, load_policy, make_training_env, train
+from .stacked_session import StackedSession
+from .stacked_trainer import StackedTrainer, check_stackable
 from .totals import Totals, time_saved, times_of
 from .trainer import StepEvent, Trainer, make_learner
 
@@ -45,12 +47,15 @@ __all__ = [
     "RunOverview",
     "Session",
     "ShieldState",
+    "StackedSession",
+    "StackedTrainer",
     "StepEvent",
     "Totals",
     "TrainConfig",
     "Trainer",
     "VectorHighway",
     "as_record",
+    "check_stackable",
     "differing_settings",
     "drive",
     "dump_yaml",

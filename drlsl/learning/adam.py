@@ -73,23 +73,32 @@ class Adam:
 
     def step(self) -> None:
         """Take one step down the gradient."""
+        self.step_all([self])
+
+    @staticmethod
+    def step_all(optimisers: Iterable["Adam"]) -> None:
+        """Take a step with each of several, in one call for those of one learning rate."""
+        of_rate: dict[float, list[Adam]] = {}
+        for one in optimisers:
+            of_rate.setdefault(one.learning_rate, []).append(one)
         with no_subnormals():
-            adam(
-                [self._parameters],
-                [self._gradient],
-                [self._mean],
-                [self._square],
-                [],
-                [self._steps],
-                fused=True,
-                lr=self.learning_rate,
-                beta1=BETA_1,
-                beta2=BETA_2,
-                weight_decay=0.0,
-                eps=EPSILON,
-                amsgrad=False,
-                maximize=False,
-            )
+            for rate, alike in of_rate.items():
+                adam(
+                    [one._parameters for one in alike],
+                    [one._gradient for one in alike],
+                    [one._mean for one in alike],
+                    [one._square for one in alike],
+                    [],
+                    [one._steps for one in alike],
+                    fused=True,
+                    lr=rate,
+                    beta1=BETA_1,
+                    beta2=BETA_2,
+                    weight_decay=0.0,
+                    eps=EPSILON,
+                    amsgrad=False,
+                    maximize=False,
+                )
 
     def get_state(self) -> dict[str, Any]:
         """Return running means, counter and rate, in plain types and tensors."""

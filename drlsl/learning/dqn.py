@@ -1,7 +1,8 @@
 """Deep Q-learning over the offered actions."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import starmap
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -36,37 +37,54 @@ def td_targets(
     """Return targets y = r + discount · max Q̂(s', a'), or y = r where the episode terminated.
 
     Args:
-        next_values: the target network's values of the next states. Shape: (B, A).
+        next_values: the target network's values of the next states. Shape: (..., B, A).
         bootstrap: whether a' runs over "all" actions or over those "safe" in s'. Truncation is no end.
 
     Returns:
-        Shape: (B,).
+        Shape: (..., B).
 
     Source: Algorithm 1, line 14.
     """
     if bootstrap == "safe":
         next_values = next_values.masked_fill(~batch.next_masks, -torch.inf)
     # Not a product with (1 - terminated): a terminal state may offer nothing, and 0 · -inf is NaN.
-    future = next_values.amax(dim=1).masked_fill(batch.terminated, 0.0)
+    future = next_values.amax(dim=-1).masked_fill(batch.terminated, 0.0)
     return torch.add(batch.rewards, future, alpha=discount)
 
 
 class Loss(NamedTuple):
     """A loss, and its derivative with respect to each Q-value."""
 
-    value: torch.Tensor  # Shape: ()
-    slopes: torch.Tensor  # Shape: (B, A)
+    value: torch.Tensor  # Shape: (...)
+    slopes: torch.Tensor  # Shape: (..., B, A)
 
 
 def td_loss(values: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor) -> Loss:
-    """Return the mean squared error of the values of the actions taken. Shapes: (B, A), (B,), (B,).
+    """Return the mean squared error of the values of the actions taken.
+
+    Shapes: (..., B, A), (..., B), (..., B).
 
     Source: Eq. 1.
     """
-    taken = actions.unsqueeze(1)
-    errors = values.gather(1, taken).sub_(targets.unsqueeze(1))
-    slopes = torch.zeros_like(values).scatter_(1, taken, errors * (2.0 / len(errors)))
-    return Loss(errors.square().mean(), slopes)
+    taken = actions.unsqueeze(-1)
+    errors = values.gather(-1, taken).sub_(targets.unsqueeze(-1))
+    slopes = torch.zeros_like(values).scatter_(-1, taken, errors * (2.0 / errors.shape[-2]))
+    return Loss(errors.square().mean(dim=(-2, -1)), slopes)
+
+
+class Sight(NamedTuple):
+    """The observations that an agent chooses by, in N environments."""
+
+    observations: NDArray[np.float32]  # Shape: (N, S)
+    offered: NDArray[np.bool_]  # Shape: (N, A)
+    epsilon: float
+
+
+class Lesson(NamedTuple):
+    """A minibatch to learn from, and its targets."""
+
+    batch: Batch
+    targets: torch.Tensor | None  # Shape: (B,); None: they are yet to be computed.
 
 
 class DqnAgent:
@@ -86,32 +104,39 @@ class DqnAgent:
         self._learning = learning
         self._rng = rng
         self._generator = generator
-        self.network, self._target = make_networks(network, observation_size, action_count, generator, device)
+        self.network, self.target = make_networks(network, observation_size, action_count, generator, device)
         self._learn_in(
             faster_precision(network, learning.batch_size, device)
             if learning.precision == "auto"
             else learning.precision
         )
-        self._optimiser = self.network.optimiser()
+        self.optimiser = self.network.optimiser()
         self.policy = Policy(self.network, device, network.window)
         # On a GPU a target that was kept would have to be sent there, at each update.
-        self._steady = self.network.steady and device.type == "cpu"
+        self.keeps_targets = self.network.steady and device.type == "cpu"
+        """Whether a transition's target is kept until the target network is renewed."""
         self.updates = 0
 
     def _learn_in(self, precision: Precision) -> None:
         self.precision: Precision = precision
         """The precision of products in learning."""
-        for network in (self.network, self._target):
+        for network in (self.network, self.target):
             network.learn_in(precision)
+
+    def renew_optimiser(self) -> None:
+        """Give the optimiser the memory that the parameters are in now."""
+        state = self.optimiser.get_state()
+        self.optimiser = self.network.optimiser()
+        self.optimiser.set_state(state)
 
     @property
     def learning_rate(self) -> float:
         """The learning rate of Adam's next step."""
-        return self._optimiser.learning_rate
+        return self.optimiser.learning_rate
 
     @learning_rate.setter
     def learning_rate(self, rate: float) -> None:
-        self._optimiser.learning_rate = rate
+        self.optimiser.learning_rate = rate
 
     def act(self, observations: NDArray[np.float32], offered: NDArray[np.bool_], epsilon: float) -> Choice:
         """Choose ε-greedily among the offered actions. Shapes: (N, S) and (N, A).
@@ -119,11 +144,20 @@ class DqnAgent:
         Raises:
             ValueError: no action is offered, or an observation is not finite.
             DivergedError: a Q-value is not finite.
+        """
+        self.network.draw_noise()
+        return self.choose(self.policy.values(observations), offered, epsilon)
+
+    def choose(self, values: NDArray[np.float32], offered: NDArray[np.bool_], epsilon: float) -> Choice:
+        """Choose ε-greedily among the offered actions by their Q-values. Shapes: (N, A) and (N, A).
+
+        Raises:
+            ValueError: no action is offered.
+            DivergedError: a Q-value is not finite.
 
         Source: Algorithm 1, lines 9 and 10.
         """
-        self.network.draw_noise()
-        choice = greedy_choice(self.policy.values(observations), offered)
+        choice = greedy_choice(values, offered)
         for row in np.flatnonzero(self._rng.random(len(offered)) < epsilon):
             choice.actions[row] = self._rng.choice(np.flatnonzero(offered[row]))
         return choice
@@ -134,15 +168,19 @@ class DqnAgent:
         Raises:
             DivergedError: the loss or its gradient is not finite; the weights are those of the step before.
         """
+        return [self.update(*lesson) for lesson in self.lessons(replay, updates)]
+
+    def lessons(self, replay: Replay, updates: int) -> Iterator[Lesson]:
+        """Yield minibatches from the memory, each once the update on the one before it is made."""
         sample, every = replay.sample(updates), self._learning.target_every
-        losses: list[float] = []
-        while len(losses) < updates:
+        begun = 0
+        while begun < updates:
             # The updates that are left until the target network is renewed.
-            part = slice(len(losses), len(losses) + every - self.updates % every)
+            part = slice(begun, begun + every - self.updates % every)
             batches = sample.batches[part]
-            targets = self._targets(replay, sample, part) if self._steady else [None] * len(batches)
-            losses += [self.update(batch, known) for batch, known in zip(batches, targets, strict=True)]
-        return losses
+            begun += len(batches)
+            targets = self._targets(replay, sample, part) if self.keeps_targets else [None] * len(batches)
+            yield from starmap(Lesson, zip(batches, targets, strict=True))
 
     @torch.inference_mode()
     def _targets(self, replay: Replay, sample: Sample, part: slice) -> torch.Tensor:
@@ -159,7 +197,7 @@ class DqnAgent:
         """Return the targets of transitions by the target network of now. Shape: (B,)."""
         # In equal pieces of about a minibatch, whose values stay in the processor's cache.
         pieces = rows.next_observations.tensor_split(-(-len(rows.actions) // self._learning.batch_size))
-        next_values = torch.cat([self._target.next_values(piece) for piece in pieces])
+        next_values = torch.cat([self.target.next_values(piece) for piece in pieces])
         return td_targets(next_values, rows, self._learning.discount, self._learning.bootstrap)
 
     @torch.inference_mode()
@@ -169,28 +207,40 @@ class DqnAgent:
         Raises:
             DivergedError: the loss or its gradient is not finite; the weights are left as they were.
         """
-        self._target.draw_noise()
+        self.target.draw_noise()
         self.network.draw_noise()
         if targets is None:
             targets = self._computed_targets(batch)
         outputs = self.network.forward(batch.observations)
         loss = td_loss(outputs[-1].detach(), batch.actions, targets)
-        value = loss.value.item()
-        if not math.isfinite(value):
-            raise DivergedError(f"the loss is {value} at update {self.updates + 1}")
+        value = self.checked(loss.value.item())
         self.network.backward(batch.observations, outputs, loss.slopes)
-        self._optimiser.step()
+        self.optimiser.step()
+        self.count_update()
+        return value
+
+    def checked(self, loss: float) -> float:
+        """Return the loss of the next update.
+
+        Raises:
+            DivergedError: it is not finite.
+        """
+        if not math.isfinite(loss):
+            raise DivergedError(f"the loss is {loss} at update {self.updates + 1}")
+        return loss
+
+    def count_update(self) -> None:
+        """Count an update that was made, and renew the target network if it is time."""
         self.updates += 1
         if self.updates % self._learning.target_every == 0:
-            self._target.copy_from(self.network)
-        return value
+            self.target.copy_from(self.network)
 
     def get_state(self) -> dict[str, Any]:
         """Return weights, optimiser, counter, precision and generator, in plain types and tensors."""
         return {
             "network": self.network.get_state(),
-            "target": self._target.get_state(),
-            "optimiser": self._optimiser.get_state(),
+            "target": self.target.get_state(),
+            "optimiser": self.optimiser.get_state(),
             "updates": self.updates,
             "precision": self.precision,
             "rng": self._rng.bit_generator.state,
@@ -204,8 +254,8 @@ class DqnAgent:
             ValueError: the state belongs to another network.
         """
         self.network.set_state(state["network"])
-        self._target.set_state(state["target"])
-        self._optimiser.set_state(state["optimiser"])
+        self.target.set_state(state["target"])
+        self.optimiser.set_state(state["optimiser"])
         self.updates = state["updates"]
         # What auto was when the training began; there was float32 alone when files did not tell.
         self._learn_in(state.get("precision", "float32"))

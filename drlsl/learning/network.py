@@ -72,10 +72,10 @@ class Network(Protocol):
 
 
 class Layer(NamedTuple):
-    """A fully connected layer, as views of a network's vector of parameters."""
+    """A fully connected layer, as views of a network's vector of parameters, or of several networks'."""
 
-    weight: torch.Tensor  # Shape: (inputs, outputs)
-    bias: torch.Tensor  # Shape: (outputs,)
+    weight: torch.Tensor  # Shape: (..., inputs, outputs)
+    bias: torch.Tensor  # Shape: (..., outputs)
 
     def __call__(self, values: torch.Tensor) -> torch.Tensor:
         """Apply the layer, in the type of its weights. Shape: (B, inputs) to (B, outputs)."""
@@ -91,8 +91,8 @@ class _InnerLayers:
         self._parameters, self._gradient = parameters[inner], gradient[inner]
         self._rounded = self._parameters.bfloat16()
         self._rounded_gradient = self._gradient.bfloat16()
-        self.layers = tuple(_layers(sizes[1:-1], self._rounded))
-        self.slopes = tuple(_layers(sizes[1:-1], self._rounded_gradient))
+        self.layers = tuple(layers_of(sizes[1:-1], self._rounded))
+        self.slopes = tuple(layers_of(sizes[1:-1], self._rounded_gradient))
 
     def round_weights(self) -> None:
         """Make the layers those of the parameters of now."""
@@ -125,14 +125,25 @@ class QNetwork:
         device: torch.device,
     ) -> None:
         self.sizes = (observation_size, *hidden, action_count)
-        self.parameters = torch.zeros(_count(self.sizes), device=device)
-        self.gradient = torch.zeros_like(self.parameters)
-        self.layers = self._used = tuple(_layers(self.sizes, self.parameters))
-        self._whole_slopes = self._slopes = tuple(_layers(self.sizes, self.gradient))
-        self._inner: _InnerLayers | None = None
-        self._weights, self._weights_gradient = self.parameters, self.gradient
+        parameters = torch.zeros(_count(self.sizes), device=device)
+        self._lie_in(parameters, torch.zeros_like(parameters))
         for layer in self.layers:
             _draw(layer, generator)
+
+    def _lie_in(self, parameters: torch.Tensor, gradient: torch.Tensor) -> None:
+        self.parameters, self.gradient = parameters, gradient
+        self.layers = self._used = tuple(layers_of(self.sizes, parameters))
+        self._whole_slopes = self._slopes = tuple(layers_of(self.sizes, gradient))
+        self._inner: _InnerLayers | None = None
+        self._weights, self._weights_gradient = parameters, gradient
+
+    def move(self, parameters: torch.Tensor, gradient: torch.Tensor) -> None:
+        """Move to other memory, vectors of the same length, to learn there in float32.
+
+        An optimiser made before does not follow.
+        """
+        parameters.copy_(self.parameters)
+        self._lie_in(parameters, gradient)
 
     def optimiser(self) -> Adam:
         """Make the optimiser of this network."""
@@ -247,8 +258,8 @@ class NoisyQNetwork(QNetwork):
         self._mean, self._spread = torch.split(self.parameters, count)
         self._mean.copy_(self._weights)
         self._noise = torch.zeros(count, device=device)
-        self._noise_layers = tuple(_layers(self.sizes, self._noise))
-        for layer in _layers(self.sizes, self._spread):
+        self._noise_layers = tuple(layers_of(self.sizes, self._noise))
+        for layer in layers_of(self.sizes, self._spread):
             for part in layer:
                 part.fill_(SPREAD * layer.weight.shape[0] ** -0.5)
 
@@ -275,7 +286,9 @@ class NoisyQNetwork(QNetwork):
 
     def get_state(self) -> dict[str, torch.Tensor]:
         """Return means and spreads by layer, named and laid out as in PyTorch's Linear."""
-        return _state(_layers(self.sizes, self._mean)) | _state(_layers(self.sizes, self._spread), "spread.")
+        return _state(layers_of(self.sizes, self._mean)) | _state(
+            layers_of(self.sizes, self._spread), "spread."
+        )
 
     def set_state(self, state: Mapping[str, torch.Tensor]) -> None:
         """Take over what `get_state` gave; the weights in use are the means until `draw_noise`.
@@ -284,8 +297,8 @@ class NoisyQNetwork(QNetwork):
             ValueError: the state belongs to a network of another shape.
         """
         _check(self.get_state(), state)
-        _take(_layers(self.sizes, self._mean), state)
-        _take(_layers(self.sizes, self._spread), state, "spread.")
+        _take(layers_of(self.sizes, self._mean), state)
+        _take(layers_of(self.sizes, self._spread), state, "spread.")
         self._noise.zero_()
         self._use()
 
@@ -376,14 +389,15 @@ def _count(sizes: Sequence[int]) -> int:
     return sum(inputs * outputs + outputs for inputs, outputs in itertools.pairwise(sizes))
 
 
-def _layers(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:
+def layers_of(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:
+    """Yield the layers of a vector of parameters, or of one in each row. Shape: (..., parameters)."""
     start = 0
     for inputs, outputs in itertools.pairwise(sizes):
         middle = start + inputs * outputs
         stop = middle + outputs
         # With its longer side laid out in rows, a narrow layer's gradient takes a fifth of the time.
-        weight = vector[start:middle].view(min(inputs, outputs), max(inputs, outputs))
-        yield Layer(weight if inputs < outputs else weight.t(), vector[middle:stop])
+        weight = vector[..., start:middle].unflatten(-1, (min(inputs, outputs), max(inputs, outputs)))
+        yield Layer(weight if inputs < outputs else weight.mT, vector[..., middle:stop])
         start = stop
 
 
@@ -393,6 +407,16 @@ def _draw(layer: Layer, generator: torch.Generator) -> None:
     bound = inputs**-0.5
     layer.weight.copy_(torch.empty(outputs, inputs).uniform_(-bound, bound, generator=generator).t())
     layer.bias.copy_(torch.empty(outputs).uniform_(-bound, bound, generator=generator))
+
+
+def check_finite(observations: NDArray[np.float32]) -> None:
+    """Check that observations are finite.
+
+    Raises:
+        ValueError: one is not.
+    """
+    if not np.isfinite(observations).all():
+        raise ValueError(f"an observation is not finite: {observations}")
 
 
 class Policy:
@@ -411,8 +435,7 @@ class Policy:
         Raises:
             ValueError: an observation is not finite.
         """
-        if not np.isfinite(observations).all():
-            raise ValueError(f"an observation is not finite: {observations}")
+        check_finite(observations)
         values = self._network.values(torch.from_numpy(observations).to(self._device))
         result: NDArray[np.float32] = values.cpu().numpy()
         return result

@@ -93,7 +93,7 @@ class RunFolder:
         Raises:
             UserError: the folder exists and is not empty, or `force` would delete files not written by a run.
         """
-        _refuse_occupied(root, force)
+        refuse_occupied(root, force=force)
         if root.exists():
             # A run training there would lose its folder. Not held: Windows cannot move an open file.
             FolderLock(root, LOCK, TRAINING).release()
@@ -298,7 +298,12 @@ def _header(columns: Sequence[str]) -> str:
     return ",".join(columns) + "\n"
 
 
-def _refuse_occupied(root: Path, force: bool) -> None:
+def refuse_occupied(root: Path, *, force: bool) -> None:
+    """Check that a run can be made in a folder.
+
+    Raises:
+        UserError: the folder is not empty, or `force` would delete files that were not written by a run.
+    """
     if not root.exists():
         return
     if not root.is_dir():

@@ -20,7 +20,7 @@ from drlsl.learning.network import Policy
 from drlsl.learning.network_factory import Factory, factory_name
 from drlsl.learning.rundir import RunFolder
 from drlsl.learning.tensorboard import TensorBoardLog, require_tensorboard
-from drlsl.learning.trainer import EpisodeEvent, StepEvent, Trainer, make_learner, resolve_device
+from drlsl.learning.trainer import StepEvent, Trainer, make_learner, resolve_device
 
 
 class Session(AbstractContextManager["Session"]):
@@ -52,6 +52,17 @@ class Session(AbstractContextManager["Session"]):
         if tensorboard:
             require_tensorboard()
         trainer = Trainer(make_training_env(config), config)
+        return cls.begin(root, trainer, config, force=force, tensorboard=tensorboard)
+
+    @classmethod
+    def begin(
+        cls, root: Path, trainer: Trainer, config: TrainConfig, *, force: bool, tensorboard: bool
+    ) -> Self:
+        """Begin a new run of a trainer that has not trained yet; see `start`.
+
+        Raises:
+            UserError: the folder is occupied or used by another process.
+        """
         folder = RunFolder.create(root, config, force=force)
         session = cls(folder, trainer, folder.lock(), tensorboard=tensorboard)
         session.checkpoint()
@@ -98,6 +109,36 @@ class Session(AbstractContextManager["Session"]):
         session._save_policy()
         return session
 
+    @property
+    def root(self) -> Path:
+        """The run folder."""
+        return self.folder.root
+
+    @property
+    def config(self) -> TrainConfig:
+        """The settings of the training."""
+        return self.folder.config
+
+    @property
+    def episodes(self) -> int:
+        """Number of episodes from the first to the last."""
+        return self.config.episodes
+
+    @property
+    def finished(self) -> int:
+        """Number of finished episodes."""
+        return self.trainer.finished
+
+    @property
+    def total_steps(self) -> int:
+        """Number of steps so far."""
+        return self.trainer.total_steps
+
+    @property
+    def runs(self) -> tuple["Session", ...]:
+        """The runs that are trained: this one."""
+        return (self,)
+
     def close(self) -> None:
         """Write what is left, and unlock the folder."""
         if self._log is not None:
@@ -112,21 +153,21 @@ class Session(AbstractContextManager["Session"]):
 
         A checkpoint is written every few episodes, at the end and on `stop`.
         """
-        config, trainer = self.folder.config, self.trainer
-        for event in trainer.run():
-            for episode in event.ended:
-                self._record(episode)
+        for event in self.trainer.run():
             stopping = stop()
-            if stopping or any(_checkpoint_is_due(config, episode.finished) for episode in event.ended):
-                self.checkpoint()
+            self.record(event, save=stopping)
             yield event
             if stopping:
                 return
 
-    def _record(self, episode: EpisodeEvent) -> None:
-        row = self.folder.append_metrics(episode)
-        if self._log is not None:
-            self._log.add(row)
+    def record(self, event: StepEvent, *, save: bool) -> None:
+        """Record the episodes that ended; a checkpoint is written if one is due, or with `save`."""
+        for episode in event.ended:
+            row = self.folder.append_metrics(episode)
+            if self._log is not None:
+                self._log.add(row)
+        if save or any(_checkpoint_is_due(self.config, episode.finished) for episode in event.ended):
+            self.checkpoint()
 
     def checkpoint(self) -> None:
         """Write the whole state of the learner, then the weights separately."""

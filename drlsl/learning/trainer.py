@@ -9,13 +9,15 @@ import gymnasium
 import numpy as np
 import torch
 
+from drlsl.driving.drivers import Choice
 from drlsl.errors import UserError
 from drlsl.learning.config import Device, TrainConfig
-from drlsl.learning.dqn import DqnAgent
+from drlsl.learning.dqn import DqnAgent, Sight
 from drlsl.learning.episode import ACTION_FILTERS, EpisodeSummary
 from drlsl.learning.fleet import Actions, Fleet, Outcome, VectorHighway, space_sizes
 from drlsl.learning.replay import Replay
 from drlsl.learning.schedule import epsilon_schedule, learning_rate_schedule
+from drlsl.traffic import Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,18 @@ class StepEvent(NamedTuple):
     losses: Sequence[float]
     """One for each update; none while the replay memory fills up."""
     ended: Sequence[EpisodeEvent]
+
+
+class Turn(NamedTuple):
+    """A step of every environment that is stored, and is to be learnt from."""
+
+    sight: Sight
+    outcome: Outcome
+    intervened: Mask
+    driven: int
+    """The number of environments that are in an episode."""
+    losses: Sequence[float]
+    """Those of the updates that were made beside it."""
 
 
 class Trainer:
@@ -91,37 +105,51 @@ class Trainer:
 
         Source: Algorithm 1, lines 6 to 17.
         """
-        fleet, agent = self._fleet, self.agent
-        agent.learning_rate, epsilon = self._learning_rate(self.finished), self._epsilon(self.finished)
-        fleet.begin()
-        observations, safe, rows = fleet.observations, fleet.safe, fleet.rows()
-        offered = self._offered(safe)
-        actions, preferred = agent.act(observations, offered, epsilon)
-        intervened = ~np.take_along_axis(safe, preferred[:, None], axis=1)[:, 0]
-        outcome, losses = self._drive(actions)
+        sight = self.look()
+        turn = self.drive(sight, self.agent.act(*sight))
+        if self._beside is None:
+            return self.close(turn, self._learn(turn.driven))
+        self._due = turn.driven
+        return self.close(turn, turn.losses)
+
+    def look(self) -> Sight:
+        """Set the rates of now, begin the next episodes, and return what the agent chooses by."""
+        self.agent.learning_rate = self._learning_rate(self.finished)
+        self._fleet.begin()
+        return Sight(self._fleet.observations, self._offered(self._fleet.safe), self._epsilon(self.finished))
+
+    def drive(self, sight: Sight, choice: Choice) -> Turn:
+        """Drive a step in every environment, and store it."""
+        fleet, rows = self._fleet, self._fleet.rows()
+        intervened = ~np.take_along_axis(fleet.safe, choice.preferred[:, None], axis=1)[:, 0]
+        outcome, losses = self._drive(choice.actions)
         self.replay.add(
-            observations[rows],
-            actions[rows],
+            sight.observations[rows],
+            choice.actions[rows],
             outcome.rewards[rows],
             fleet.observations[rows],
             outcome.terminated[rows],
             self._offered(fleet.safe[rows]),
         )
-        driven = len(actions[rows])
-        if self._beside is None:
-            losses = self._learn(driven)
-        else:
-            self._due = driven
+        driven = len(choice.actions[rows])
         self.total_steps += driven
-        over = fleet.count(outcome, offered, intervened, losses)
+        return Turn(sight, outcome, intervened, driven, losses)
+
+    def updates_due(self, driven: int) -> int:
+        """Return the number of updates that follow so many steps."""
+        return driven if len(self.replay) >= self._config.learning.learning_starts else 0
+
+    def close(self, turn: Turn, losses: Sequence[float]) -> StepEvent:
+        """Count a step and the updates that followed."""
+        over = self._fleet.count(turn.outcome, turn.sight.offered, turn.intervened, losses)
         ended = [
             EpisodeEvent(
                 episode=one.episode,
                 finished=self.finished - len(over) + place,
                 total_steps=self.total_steps,
                 summary=one.summary,
-                epsilon=epsilon,
-                learning_rate=agent.learning_rate,
+                epsilon=turn.sight.epsilon,
+                learning_rate=self.agent.learning_rate,
                 loss=one.loss,
                 wall_s=one.wall_s,
             )
@@ -129,10 +157,10 @@ class Trainer:
         ]
         return StepEvent(self.total_steps, losses, ended)
 
-    def _drive(self, actions: Actions) -> tuple[Outcome, list[float]]:
+    def _drive(self, actions: Actions) -> tuple[Outcome, Sequence[float]]:
         """Drive a step, and make the updates that are due beside it; return their losses, too."""
         if self._beside is None:
-            return self._fleet.step(actions), []
+            return self._fleet.step(actions), ()
         learning = self._beside.submit(self._learn, self._due)
         try:
             outcome = self._fleet.step(actions)
@@ -140,10 +168,9 @@ class Trainer:
             losses = learning.result()
         return outcome, losses
 
-    def _learn(self, updates: int) -> list[float]:
-        if len(self.replay) < self._config.learning.learning_starts:
-            return []
-        return self.agent.learn(self.replay, updates)
+    def _learn(self, driven: int) -> list[float]:
+        updates = self.updates_due(driven)
+        return self.agent.learn(self.replay, updates) if updates else []
 
     def get_state(self) -> dict[str, Any]:
         """Return all that the next step depends on."""

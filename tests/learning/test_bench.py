@@ -41,6 +41,21 @@ def test_it_prints_a_few_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert "Stable" not in out
 
 
+def test_seeds_are_trained_together(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without_stable_baselines3(monkeypatch)
+    small = ["--runs", "1", "--num-envs", "2", "--set", "learning.replay_capacity=500", "--seeds", "3"]
+    assert run(["bench", "train", *small, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == KEYS | {"stacked_updates_per_s", "stacked_ratio", "seeds"}
+    assert found["stacked_updates_per_s"] > 0
+    assert run(["bench", "train", *small]) == 0
+    assert "3 seeds together" in capsys.readouterr().out
+    assert run(["bench", "train", *small, "--set", "learning.overlap=true"]) == 2
+    assert "learning.overlap is true" in capsys.readouterr().err
+
+
 def test_settings_are_those_of_the_training(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -88,9 +88,9 @@ def test_the_fast_network_learns_as_the_plain_one(hidden: list[int], seed: int, 
     fast = agent({"hidden": hidden}, seed=seed, bootstrap=bootstrap)
     slow = agent({"factory": OWN + "wide"}, bootstrap=bootstrap)
     assert isinstance(slow.network, ModuleNetwork)
-    for name in ("network", "_target"):
+    for name in ("network", "target"):
         setattr(slow, name, ModuleNetwork(as_plain(fast), "plain", (SIZE,), slow.network._stream))
-    slow._optimiser = slow.network.optimiser()
+    slow.optimiser = slow.network.optimiser()
     slow.learning_rate = fast.learning_rate
     for step in range(7):
         batch = random_batch(seed + step)

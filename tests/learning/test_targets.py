@@ -86,13 +86,13 @@ def test_targets_are_computed_once_for_each_target_network(monkeypatch: pytest.M
     agent, replay = learner(50, 1_000, 10)
     replay.add(**transitions(np.random.default_rng(0), 100))
     computed = []
-    values = agent._target.next_values
+    values = agent.target.next_values
 
     def counted(observations: torch.Tensor) -> torch.Tensor:
         computed.append(len(observations))
         return values(observations)
 
-    monkeypatch.setattr(agent._target, "next_values", counted)
+    monkeypatch.setattr(agent.target, "next_values", counted)
     agent.learn(replay, 10)
     first = sum(computed)
     for _ in range(4):
