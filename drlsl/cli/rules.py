@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -16,7 +16,7 @@ from drlsl.cli.options import RuleFiles
 
 if TYPE_CHECKING:
     from drlsl.logic import Engine
-    from drlsl.lowering import PredicateReport, Report
+    from drlsl.lowering import Finding, PredicateReport, Report
     from drlsl.lowering.frontend import Lowered, Query
 
 app = typer.Typer(
@@ -43,13 +43,28 @@ def check(files: RuleFiles = None) -> None:
     from drlsl.lowering import Finding, check_program
 
     engine = _load(files)
+    if engine.defines("offered", 1) and not any(engine.defines(one.name, one.arity) for one in ASKED):
+        _check_offers(engine)
+        return
     report = check_program(engine, SCHEMA, (*ASKED, query_of(NAMES), query_of(BOUNDS)))
     wrong = [*unknown_actions(engine), *_observation_slips(engine)]
     slips = [Finding(place, problem, error=True) for place, problem in wrong]
     report = replace(report, findings=(*report.findings, *slips))
     _print_report(report)
-    if report.findings:
-        raise typer.Exit(1)
+    _print_findings(report.findings)
+
+
+def _check_offers(engine: Engine) -> None:
+    """Report the findings in rules for `LogicShield`; the kinds of their facts are not known here."""
+    from drlsl.lowering import Schema, find_mistakes
+
+    facts = [f"{name}/{arity}" for name, arity in engine.predicates() if engine.is_dynamic(name, arity)]
+    print(
+        "rules for LogicShield: offered/1 says which actions are offered; nothing is asked that driving asks"
+    )
+    print(f"facts: {', '.join(sorted(facts)) or 'none'}")
+    print("whether every tier answers alike is checked by a table of facts: drlsl rules test")
+    _print_findings(find_mistakes(engine, Schema(())))
 
 
 def _observation_slips(engine: Engine) -> Iterator[tuple[str, str]]:
@@ -87,9 +102,17 @@ def _print_report(report: Report) -> None:
     if report.uncalled:
         print("\ncalled by no rule, and no query of driving")
         _print_wrapped(report.uncalled)
-    print(f"\n{len(report.findings)} findings" if report.findings else "\nno findings")
-    for finding in report.findings:
+
+
+def _print_findings(findings: Sequence[Finding]) -> None:
+    """Print findings; raise the exit status if there is one."""
+    from drlsl.traffic import counted
+
+    print(f"\n{counted(len(findings), 'finding') if findings else 'no findings'}")
+    for finding in findings:
         print(f"  {'error' if finding.error else 'warning'}  {finding}")
+    if findings:
+        raise typer.Exit(1)
 
 
 def _notes(predicates: Iterable[PredicateReport]) -> Iterator[str]:

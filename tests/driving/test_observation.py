@@ -290,4 +290,4 @@ def test_the_check_of_rules_finds_it(slip: str, tmp_path: Path, capsys: pytest.C
     assert run(["rules", "check", str(path)]) == 1
     out = capsys.readouterr().out
     assert f"error  {path}:" in out
-    assert "1 findings" in out
+    assert "1 finding\n" in out

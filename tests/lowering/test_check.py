@@ -129,6 +129,25 @@ def test_check_says_what_is_wrong_and_exits_with_1(
     assert f"noise/1  {rules}:2: it calls write/1" in out
 
 
+def test_rules_of_other_environments_are_checked_for_what_is_theirs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    envs = Path(__file__).parents[2] / "rules" / "envs"
+    for name in ("crossing", "frozen_lake", "minigrid", "straight_road"):
+        assert run(["rules", "check", str(envs / f"{name}.pl")]) == 0
+        assert "no findings" in capsys.readouterr().out
+    rules = tmp_path / "taxi.pl"
+    rules.write_text(
+        ":- dynamic taxi/2.\noffered(A) :- member(A, [up, down]), \\+ objection(A, _).\n"
+        "objection(up, top) :- taxy(0, _).\n",
+        encoding="utf-8",
+    )
+    assert run(["rules", "check", str(rules)]) == 1
+    out = capsys.readouterr().out
+    assert "facts: taxi/2\n" in out
+    assert f"\n1 finding\n  error  {rules}:3: taxy/2 is not defined; did you mean taxi/2?\n" in out
+
+
 @pytest.mark.parametrize("tier", ["scalar", "numpy", "numba"])
 def test_show_prints_code_that_compiles(tier: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["rules", "show", "--tier", tier]) == 0
