@@ -35,7 +35,13 @@ def test_they_pass_on_every_tier_and_reach_every_clause_and_branch(program: str)
     assert {Path(point.file) for point in reached.reached} == {RULES / program}
 
 
-@pytest.mark.parametrize("program", ["minigrid.pl", pytest.param("frozen_lake.pl", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "program",
+    [
+        "minigrid.pl",
+        *(pytest.param(one, marks=pytest.mark.slow) for one in ("frozen_lake.pl", "straight_road.pl")),
+    ],
+)
 def test_they_notice_every_mutant_that_can_be_noticed(program: str) -> None:
     files = [RULES / program]
     found = score(*load_tables(files, tables_of(files)), reasons_of(files))
