@@ -36,11 +36,7 @@ def test_they_pass_on_every_tier_and_reach_every_clause_and_branch(program: str)
 
 
 @pytest.mark.parametrize(
-    "program",
-    [
-        "minigrid.pl",
-        *(pytest.param(one, marks=pytest.mark.slow) for one in ("frozen_lake.pl", "straight_road.pl")),
-    ],
+    "program", [pytest.param(one, marks=() if one == "minigrid.pl" else pytest.mark.slow) for one in PROGRAMS]
 )
 def test_they_notice_every_mutant_that_can_be_noticed(program: str) -> None:
     files = [RULES / program]
