@@ -17,7 +17,7 @@ from gymnasium.envs.toy_text.frozen_lake import generate_random_map
 
 from drlsl.logic import Engine
 from drlsl.lowering import Schema, find_mistakes
-from drlsl.shield import Facts, rule_file, rules_folder
+from drlsl.shield import ActionRules, Facts, rule_file, rules_folder
 from drlsl.shield.environments import frozen_lake_facts
 
 _DRIVER = r"""
@@ -101,3 +101,36 @@ def test_the_engine_and_swipl_offer_the_same(name: str, states: Any, tmp_path: P
     ours = by_the_engine(path, told)
     assert ours == by_swipl(path, told, tmp_path)
     assert {"-" in line for lines in ours for line in lines} == {True, False}
+
+
+def test_without_a_schema_arrays_decide_as_the_interpreter() -> None:
+    """Check it where ego/6 may have many rows: a least gap depends on the row, that there is one does not."""
+    aims = [
+        ("lane_left", 0.0, 25.0),
+        ("idle", 4.0, 25.0),
+        ("lane_right", 8.0, 25.0),
+        ("faster", 4.0, 30.0),
+        ("slower", 4.0, 20.0),
+    ]
+    others: list[list[tuple[float, float, float]]] = [
+        [(130.0, 4.0, 25.0), (150.0, 0.0, 20.0)],
+        [(106.0, 4.0, 25.0)],
+        [],
+    ]
+    states: list[Facts] = [
+        {
+            ("ego", 6): [(100.0, 4.0, 25.0, 0.0, 5.0, 2.0)],
+            ("vehicle", 9): [(n, x, y, v, 0.0, 5.0, 2.0, y, "yes") for n, (x, y, v) in enumerate(there)],
+            ("aim", 3): aims,
+            ("speeds", 2): [(20.0, 5.0)],
+            ("period", 2): [(1.0, 0.188875603)],
+        }
+        for there in others
+    ]
+    names = [name for name, *_ in aims]
+    masks = [
+        ActionRules("envs/straight_road.pl", names, fallback="slower", tier=tier).offers(states).mask.tolist()
+        for tier in ("interpreter", "numpy")
+    ]
+    assert masks[0] == masks[1]
+    assert len({str(mask) for mask in masks[0]}) == 3

@@ -107,16 +107,18 @@ class ArrayPrinter:
 
     def _find_twins(self) -> dict[Node, Node]:
         """Return for existential quantifiers the extreme over the same rows, finite if there is one."""
+        # an extreme whose value depends on further rows has one for each of them
         extremes = {
-            mask_parts(self.pool, node): node
+            (node.free, mask_parts(self.pool, node)): node
             for node in reach(self._results)
             if node.op == "min_of" and node.kind == "float" and node not in self._sparse
         }
-        return {
-            node: extremes[mask_parts(self.pool, node)]
+        alike = {
+            node: extremes.get((node.free, mask_parts(self.pool, node)))
             for node in reach(self._results)
-            if node.op == "any" and node not in self._sparse and mask_parts(self.pool, node) in extremes
+            if node.op == "any" and node not in self._sparse
         }
+        return {node: extreme for node, extreme in alike.items() if extreme is not None}
 
     def _reach(self, roots: Iterable[Node]) -> list[Node]:
         found: dict[Node, None] = {}
