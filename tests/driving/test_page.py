@@ -165,10 +165,13 @@ def test_too_many_frames_are_refused_with_what_to_do(
     ("arguments", "problem"),
     [
         (["nowhere"], "there is no such run folder, episode or scene"),
-        (["empty"], "empty has no episodes (.npz)"),
+        (["empty"], "empty has no episodes (.npz, .parquet)"),
         (["run"], "drlsl eval run --episodes 3 --episodes-out run/episodes"),
         (["alone.json"], "it has no vehicles besides the ego"),
-        (["notes.txt"], "expected a run, a folder or a file (.npz) of episodes, or a scene (.json)"),
+        (
+            ["notes.txt"],
+            "expected a run, a folder or a file (.npz, .parquet) of episodes, or a scene (.json)",
+        ),
         ([str(SCENE), "--out", "page.txt"], "ends in .html"),
         ([str(SCENE), "--out", "no/page.html"], "there is no folder no"),
         ([str(SCENE), "--rules", "nowhere.pl"], "nowhere.pl"),
