@@ -23,11 +23,6 @@ from drlsl.logic.errors import (
 )
 from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref, make_list
 
-
-def _is_list(term: Term) -> bool:
-    return prefix(term)[1] is NIL
-
-
 _TYPES: Final[dict[str, Callable[[Term], bool]]] = {
     "any": lambda term: True,
     "atom": lambda term: isinstance(term, Atom),
@@ -39,16 +34,19 @@ _TYPES: Final[dict[str, Callable[[Term], bool]]] = {
     "code": is_code,
     "compound": lambda term: isinstance(term, Struct),
     "float": lambda term: isinstance(term, float),
-    "ground": lambda term: not term_variables(term),
     "integer": lambda term: isinstance(term, int),
-    "list": _is_list,
-    "proper_list": _is_list,
-    "list_or_partial": lambda term: prefix(term)[1] is NIL or isinstance(prefix(term)[1], Var),
     "number": lambda term: isinstance(term, (int, float)),
     "string": lambda term: isinstance(term, str),
     "symbol": lambda term: isinstance(term, Atom),
     "text": lambda term: any_text(term) is not None,
 }
+_TAILS: Final[dict[str, Callable[[Term], bool]]] = {
+    "list": lambda tail: tail is NIL,
+    "proper_list": lambda tail: tail is NIL,
+    "list_or_partial": lambda tail: tail is NIL or isinstance(tail, Var),
+}
+"""The types of lists, by what the tail may be."""
+
 _LEAST: Final = {"nonneg": 0, "positive_integer": 1}
 
 
@@ -69,11 +67,20 @@ def must_be(machine: Caller, kind: Term, term: Term) -> bool:
         if term < _LEAST[name]:
             raise type_error(name, term)
         return True
-    if name not in _TYPES:
-        raise existence_error("type", kind)
-    if not _TYPES[name](term):
+    if not _fits(machine, name, kind, term):
         raise type_error(name, term)
     return True
+
+
+def _fits(machine: Caller, name: str, kind: Term, term: Term) -> bool:
+    """Return whether a term is of a type; what walks through the whole term reports that to the meter."""
+    if name == "ground":
+        return not term_variables(term, machine.meter)
+    if name in _TAILS:
+        return _TAILS[name](prefix(term, machine)[1])
+    if name not in _TYPES:
+        raise existence_error("type", kind)
+    return _TYPES[name](term)
 
 
 def _must_fit(machine: Caller, kind: Struct, term: Term) -> bool:
