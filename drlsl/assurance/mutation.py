@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from drlsl.assurance.answers import (
     WRONG,
@@ -32,6 +31,7 @@ from drlsl.logic.core import Clause
 from drlsl.logic.syntax import read_term
 from drlsl.logic.terms import names
 from drlsl.lowering.ir import NotLowerable
+from drlsl.workers import ALONE, Crew, Function, in_order
 
 LIMITS: Final = Limits(inferences=300_000)
 """Limits of one query of a mutant; the rules need a hundredth of it."""
@@ -277,37 +277,36 @@ class _Reach:
 
 
 def score(
-    rules: TestedRules, cases: Sequence[Case], reasons: Mapping[str, str] | None = None, *, jobs: int = 1
+    rules: TestedRules,
+    cases: Sequence[Case],
+    reasons: Mapping[str, str] | None = None,
+    *,
+    crew: Crew = ALONE,
 ) -> Score:
-    """Test every mutant of a program with cases that the program itself passes, in `jobs` processes.
+    """Have a crew test every mutant of a program with cases that the program itself passes.
+
+    The program and the cases travel with the work; whoever does it, the score is the same.
 
     Raises:
-        UserError: a name in `reasons` is not that of a survivor.
+        UserError: a name in `reasons` is not that of a survivor; or as `Crew.perform`.
     """
-    with ProcessPoolExecutor(jobs) if jobs > 1 else nullcontext() as pool:
-        work = partial(_share, rules, cases, jobs=jobs)
-        shares = pool.map(work, range(jobs)) if pool is not None else map(work, range(jobs))
-        by_clause = sorted((found for share in shares for found in share), key=lambda found: found[0])
-    verdicts = tuple(verdict for _, found in by_clause for verdict in found)
+    perform = partial(crew.perform, partial(_testing, rules, cases))
+    clauses = range(len(clause_texts(rules.engine, rules.files)))
+    verdicts = tuple(verdict for some in in_order(perform(clauses)) for verdict in some)
     result = Score(verdicts, reasons or {}, {})
     _refuse_stale(result)
-    return replace(result, witnesses=_witnesses(rules, cases, result.unexplained[:_WITNESSES]))
+    searched = [verdict.name for verdict in result.unexplained[:_WITNESSES]]
+    found = in_order(perform(searched)) if searched else ()
+    return replace(result, witnesses=dict(zip(searched, found, strict=True)))
 
 
-def _witnesses(
-    rules: TestedRules, cases: Sequence[Case], survivors: Sequence[Verdict]
-) -> dict[str, Witness | None]:
-    if not survivors:
-        return {}
+def _testing(rules: TestedRules, cases: Sequence[Case]) -> Function[int | str, Any]:
+    """Return what tests the mutants of a clause, or searches a witness for a mutant by its name."""
     tester = MutantTester(rules, cases)
     by_name = {mutant.name: mutant for mutant in tester.mutants}
-    return {verdict.name: tester.witness(by_name[verdict.name]) for verdict in survivors}
-
-
-def _share(rules: TestedRules, cases: Sequence[Case], job: int, jobs: int) -> list[tuple[int, list[Verdict]]]:
-    """Return the verdicts on every `jobs`-th clause, with the clause's number."""
-    tester = MutantTester(rules, cases)
-    return [(number, tester.test_clause(number)) for number in range(job, len(tester.clauses), jobs)]
+    return lambda task, _stop: (
+        tester.test_clause(task) if isinstance(task, int) else tester.witness(by_name[task])
+    )
 
 
 def _refuse_stale(found: Score) -> None:

@@ -214,7 +214,7 @@ def _learn_lane_changes(given: _Traffic, numbers: _Numbers, effort: Effort, out:
         crew=numbers.crew,
     )
     result = _run(LearningRun(LaneChanges(request), out, _tell), out)
-    mutants = write_table(out, result.clauses, result.examples, jobs=numbers.crew.jobs)
+    mutants = write_table(out, result.clauses, result.examples, crew=numbers.crew)
     _print_written(out, mutants)
     what = ReportRequest(agents=tuple(given.agent or ()), crew=numbers.crew)
     if given.held_out is not None:
@@ -250,7 +250,7 @@ def _learn_in_environment(name: str, numbers: _Numbers, effort: Effort, out: Pat
 
     request = EnvRequest(name, numbers.examples, numbers.episodes, effort, numbers.seed, numbers.crew)
     result = _run(LearningRun(EnvironmentDomain(request), out, _tell), out)
-    mutants = write_states_table(out, result.clauses, result.examples, jobs=numbers.crew.jobs)
+    mutants = write_states_table(out, result.clauses, result.examples, crew=numbers.crew)
     _print_written(out, mutants)
     if numbers.report != 0:
         path, table = write_environment_report(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drlsl.cli.options import AsJson, RuleFiles
+from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, crew_of
 
 if TYPE_CHECKING:
     from drlsl.assurance import Coverage, Outcome, Score, Verdict, Witness
@@ -48,12 +48,14 @@ def run_tables(
     mutate: Annotated[
         bool, typer.Option("--mutate", help="Put slips into the rules and say which go unnoticed.")
     ] = False,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes that --mutate uses.")] = 1,
+    jobs: Jobs = None,
+    ray: Ray = None,
     as_json: AsJson = False,
 ) -> None:
     """Run tables of scenes, or of facts, with expected answers on the interpreter and the compiled tiers.
 
     --coverage and --mutate examine the given files and those they include, but not the rules they build on.
+    --jobs and --ray say who tests the mutants.
     The exit status is 1 if an answer is wrong, a clause is not reached (--coverage), or a mutant survives
     without a reason in NAME.mutants.yaml (--mutate).
     """
@@ -65,6 +67,9 @@ def run_tables(
     from drlsl.logic import Engine
     from drlsl.shield import consult_rules, rule_file
 
+    crew = crew_of(jobs, ray)
+    if ray is not None and not mutate:
+        raise UserError("--ray: only the mutants of --mutate are shared; leave it out, or add --mutate")
     rules = [rule_file(file) for file in files or default_rules()]
     chosen = tables or tables_of(rules)
     if not chosen:
@@ -78,7 +83,7 @@ def run_tables(
     mutants = None
     if mutate and not outcome.failures:
         with Console(stderr=True).status("testing mutants, which takes about a minute for highway.pl"):
-            mutants = score(tested, cases, reasons_of(rules), jobs=jobs)
+            mutants = score(tested, cases, reasons_of(rules), crew=crew)
     if as_json:
         print(json.dumps({tested.states: outcome.cases, **_as_json(outcome, reached, mutants)}, indent=2))
     else:

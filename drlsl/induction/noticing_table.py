@@ -12,6 +12,7 @@ import yaml
 
 from drlsl.assurance import Score, Verdict, load_tables, reasons_of, score
 from drlsl.files import write_atomic
+from drlsl.workers import ALONE, Crew
 
 _WITNESS_ROUNDS: Final = 3
 """How often rows that notice surviving mutants are searched and added."""
@@ -36,7 +37,7 @@ class TableDraft:
     not_found: str
 
 
-def write_noticing_table(rules: Path, draft: TableDraft, *, jobs: int = 1) -> Score:
+def write_noticing_table(rules: Path, draft: TableDraft, *, crew: Crew = ALONE) -> Score:
     """Write the table of learnt rules beside them, and the reasons of the mutants that it cannot notice.
 
     Rows that notice surviving mutants are added, as far as they are found.
@@ -50,7 +51,7 @@ def write_noticing_table(rules: Path, draft: TableDraft, *, jobs: int = 1) -> Sc
     result: Score | None = None
     for _ in range(_WITNESS_ROUNDS):
         write_atomic(table, text.encode())
-        result = score(*load_tables([rules], [table]), {}, jobs=jobs)
+        result = score(*load_tables([rules], [table]), {}, crew=crew)
         witnesses = [one for one in result.witnesses.values() if one is not None]
         found = [one for one in witnesses if one.goal.startswith(draft.asked)]
         if not found:
@@ -59,7 +60,7 @@ def write_noticing_table(rules: Path, draft: TableDraft, *, jobs: int = 1) -> Sc
         text += f"\n  - {draft.subject}: near the limits\n    rows:\n" + "".join(rows)
     assert result is not None
     _write_reasons(reasons, draft, result.survivors)
-    return score(*load_tables([rules], [table]), reasons_of([rules]), jobs=jobs)
+    return score(*load_tables([rules], [table]), reasons_of([rules]), crew=crew)
 
 
 def _write_reasons(path: Path, draft: TableDraft, survivors: Sequence[Verdict]) -> None:

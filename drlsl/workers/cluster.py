@@ -53,9 +53,9 @@ class RayWorkers:
         signal.signal(signal.SIGTERM, on_terminate)
         self._stdout = sys.stdout
         sys.stdout = _WithoutRay(self._stdout)
-        self._order = _Order(
-            __version__, os.getcwd(), {str(path): digest([path]) for path in files}, pickle.dumps(make)
-        )
+        digests = {str(path): digest([path]) for path in files}
+        # Stored once, for it may hold a whole rule program.
+        self._order = ray.put(_Order(__version__, os.getcwd(), digests, pickle.dumps(make)))
         self._remote = ray.remote(num_cpus=1, max_retries=0)(_perform)
         self._refs: dict[Any, Any] = {}
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -13,11 +16,12 @@ from drlsl.assurance.clause_text import clause_texts
 from drlsl.assurance.driving_rules import DRIVING
 from drlsl.assurance.mutants import mutants_of
 from drlsl.assurance.mutation import LIMITS, MutantTester
-from drlsl.assurance.tested_rules import Question
+from drlsl.assurance.tested_rules import Question, Solutions
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
 from drlsl.lowering.ir import NotLowerable
+from drlsl.workers import Crew
 from tests.assurance.evidence import RULES, generated_scenes, oracle_cases, table_cases
 from tests.driving.test_shield import SCENE
 
@@ -144,7 +148,34 @@ def test_a_row_that_would_notice_a_survivor(tmp_path: Path) -> None:
 
 def test_processes_share_the_work(program: Path) -> None:
     cases = [case("lane_keeping", "left_lane_change")]
-    assert score(DrivingRules.of([program]), cases, jobs=2) == score(DrivingRules.of([program]), cases)
+    alone = score(DrivingRules.of([program]), cases)
+    assert len(alone.witnesses) > 1
+    assert score(DrivingRules.of([program]), cases, crew=Crew(2)) == alone
+
+
+@dataclass(frozen=True)
+class Deadly(Offered):
+    """A check that ends its process, once."""
+
+    alive: Path
+
+    def agrees(self, found: Solutions) -> bool:
+        if self.alive.exists():
+            self.alive.unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().agrees(found)
+
+
+def test_the_mutants_of_a_lost_process_are_tested_again(program: Path, tmp_path: Path) -> None:
+    (usual,) = case("lane_keeping", "left_lane_change").checks
+    deadly = Deadly("actions", usual.question, ("lane_keeping", "left_lane_change"), tmp_path / "alive")
+    cases = [Case("t:1", "t", SCENE, (deadly,))]
+    alone = score(DrivingRules.of([program]), cases)
+    reasons = {verdict.name: "not asked for" for verdict in alone.survivors}
+    deadly.alive.touch()
+    with pytest.warns(UserWarning, match="done again: the process was ended by SIGKILL"):
+        found = score(DrivingRules.of([program]), cases, reasons, crew=Crew(2))
+    assert found.verdicts == alone.verdicts
 
 
 @pytest.mark.parametrize(

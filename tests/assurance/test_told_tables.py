@@ -19,6 +19,7 @@ from drlsl.cli import run
 from drlsl.errors import UserError
 from drlsl.logic import Compound, Engine
 from drlsl.shield import ActionRules
+from drlsl.workers import Crew
 
 RULES = """
 :- dynamic taxi/2, waiting/2, aboard/0, fare/1, toll/1.
@@ -204,7 +205,7 @@ def test_coverage_and_mutants(tmp_path: Path) -> None:
     limit = "objection/2 clause 3: Fare + Toll > 10.0 ==> Fare + Toll >= 10.0"
     assert limit in survivors, "nothing is at the limit"
     assert not any(name.startswith(("offered/1", "objection/2 clause 1")) for name in survivors)
-    assert found == score(rules, cases, jobs=2)
+    assert found == score(rules, cases, crew=Crew(2))
 
 
 def test_a_state_that_would_notice_a_survivor(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_coverage_names_what_is_missed(folder: Path, capsys: pytest.CaptureFixtu
 
 
 def test_survivors_and_their_reasons(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["rules", "test", "mine.pl", "--mutate", "--json"]) == 1
+    assert run(["rules", "test", "mine.pl", "--mutate", "--jobs", "1", "--json"]) == 1
     data = json.loads(capsys.readouterr().out)
     mutation = data["mutation"]
     names = [survivor["name"] for survivor in mutation["survivors"]]
@@ -78,10 +78,19 @@ def test_survivors_and_their_reasons(folder: Path, capsys: pytest.CaptureFixture
     assert mutation["score"] == pytest.approx(mutation["noticed"] / mutation["mutants"])
     reasons = {"survivors": [{"reason": "nobody asks", "mutants": names}]}
     (folder / "mine.mutants.yaml").write_text(json.dumps(reasons))
-    assert run(["rules", "test", "mine.pl", "--mutate"]) == 0
+    assert run(["rules", "test", "mine.pl", "--mutate", "--jobs", "1"]) == 0
     out = capsys.readouterr().out
     assert f"survivors: {len(names)} with a reason, 0 without\nnobody asks\n" in out
     assert "  limits.pl:1:13: far/1 clause 1: D > 30 ==> D >= 30\n" in out
+
+
+def test_processes_print_the_same(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = []
+    for jobs in ("1", "2"):
+        assert run(["rules", "test", "mine.pl", "--mutate", "--jobs", jobs]) == 1
+        told.append(capsys.readouterr().out)
+    assert "  this row would notice it: " in told[0] or "  nothing was found" in told[0]
+    assert told[0] == told[1]
 
 
 @pytest.mark.parametrize(
@@ -96,6 +105,8 @@ def test_survivors_and_their_reasons(folder: Path, capsys: pytest.CaptureFixture
         (["mine.pl", "--tables", "none.yaml"], "cannot read none.yaml"),
         (["mine.pl", "--tables", "mine.pl"], "mine.pl"),
         (["mine.pl", "--jobs", "0"], "--jobs"),
+        (["mine.pl", "--mutate", "--jobs", "2", "--ray", "auto"], "--jobs is for this machine"),
+        (["mine.pl", "--ray", "auto"], "--ray: only the mutants of --mutate are shared"),
     ],
 )
 def test_refusals(

@@ -12,6 +12,8 @@ from drlsl.cli import run
 from drlsl.driving import stress_test
 from drlsl.errors import UserError
 from drlsl.workers import Crew, in_order
+from tests.assurance import test_told_tables
+from tests.cli import test_rules_test
 
 from .chores import performed, squaring, tell
 
@@ -93,6 +95,36 @@ def test_commands_print_the_same_on_a_cluster(
             assert run([*command, *workers]) == 0
             told.append(_without_seconds(json.loads(capsys.readouterr().out)))
         assert told[0] == told[1]
+
+
+@pytest.mark.parametrize(
+    ("rules", "table"),
+    [
+        (
+            test_rules_test.RULES.replace(":- include('limits.pl').", "far(D) :- D > 30."),
+            test_rules_test.TABLE,
+        ),
+        (test_told_tables.RULES, test_told_tables.TABLE),
+    ],
+    ids=["scenes", "facts"],
+)
+def test_mutants_are_told_alike_on_a_cluster(
+    rules: str,
+    table: str,
+    cluster: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.pl").write_text(rules)
+    Path("mine.test.yaml").write_text(table.replace("far(X), X = 1", "X = 1, far(X)"))
+    told = []
+    for workers in (["--jobs", "1"], ["--jobs", "2"], ["--ray", cluster.address]):
+        assert run(["rules", "test", "mine.pl", "--mutate", *workers]) == 1
+        told.append(capsys.readouterr().out)
+    assert "this row would notice it" in told[0]
+    assert told[0] == told[1] == told[2]
 
 
 def _without_seconds(told: Any) -> Any:

@@ -18,6 +18,7 @@ from drlsl.induction.learnt_file import FixedLimit, fixed_limits
 from drlsl.induction.noticing_table import TableDraft, write_noticing_table
 from drlsl.induction.search_problem import LearntClause
 from drlsl.shield import ActionRules, Facts, RuleFailure
+from drlsl.workers import ALONE, Crew
 
 _DIGITS: Final = 6
 """The most decimals of numbers that are rounded; where more are needed a state is left as it was."""
@@ -159,7 +160,7 @@ def _rounded(value: Any, digits: int) -> Any:
 
 
 def write_states_table(
-    rules: Path, clauses: Sequence[LearntClause], examples: ActionExamples, *, jobs: int = 1
+    rules: Path, clauses: Sequence[LearntClause], examples: ActionExamples, *, crew: Crew = ALONE
 ) -> Score:
     """Write the table of rules learnt in an environment, as `write_noticing_table` does.
 
@@ -175,4 +176,4 @@ def write_states_table(
         learnt="learnt/1",
         not_found=NOT_FOUND,
     )
-    return write_noticing_table(rules, draft, jobs=jobs)
+    return write_noticing_table(rules, draft, crew=crew)

@@ -20,6 +20,7 @@ from drlsl.induction.learnt_file import FixedLimit, fixed_limits
 from drlsl.induction.noticing_table import TableDraft, write_noticing_table
 from drlsl.induction.search_problem import LearntClause
 from drlsl.traffic import Direction
+from drlsl.workers import ALONE, Crew
 
 _ROADS: Final = """\
   - scene: nobody else on the road
@@ -186,7 +187,7 @@ def _expecting(row: str, shield: Shield) -> str:
 
 
 def write_table(
-    rules: Path, clauses: Sequence[LearntClause], examples: ChangeExamples, *, jobs: int = 1
+    rules: Path, clauses: Sequence[LearntClause], examples: ChangeExamples, *, crew: Crew = ALONE
 ) -> Score:
     """Write the table of learnt rules beside them, and the reasons of the mutants that it cannot notice.
 
@@ -204,4 +205,4 @@ def write_table(
         learnt="opening/1",
         not_found=NOT_FOUND,
     )
-    return write_noticing_table(rules, draft, jobs=jobs)
+    return write_noticing_table(rules, draft, crew=crew)
