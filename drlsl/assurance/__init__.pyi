@@ -5,7 +5,7 @@ from .driving_rules import DrivingRules
 from .driving_table import load_table
 from .mutation import Score, Verdict, score
 from .survivors import reasons_of
-from .tables import load_tables, tables_of
+from .tables import load_tables, load_told_rules, tables_of
 from .tested_rules import TestedRules
 from .told_facts import ToldFacts, facts_row, flow
 from .witness import Witness
@@ -28,6 +28,7 @@ __all__ = [
     "flow",
     "load_table",
     "load_tables",
+    "load_told_rules",
     "measure",
     "reasons_of",
     "run_cases",

@@ -10,9 +10,11 @@ from drlsl.assurance.checks import Case
 from drlsl.assurance.driving_rules import DrivingRules
 from drlsl.assurance.driving_table import scene_cases
 from drlsl.assurance.tested_rules import TestedRules
+from drlsl.assurance.told_rules import ToldRules
 from drlsl.assurance.told_table import is_told, told_cases
 from drlsl.errors import UserError
 from drlsl.files import read_yaml
+from drlsl.shield import rule_file
 
 SUFFIX: Final = ".test.yaml"
 
@@ -44,3 +46,16 @@ def load_tables(rules: Sequence[Path], tables: Sequence[Path]) -> tuple[TestedRu
     tested = DrivingRules.of(rules)
     names = tested.shield.observation.names
     return tested, [case for file in files for case in scene_cases(file, names)]
+
+
+def load_told_rules(rules: Sequence[Path]) -> ToldRules | None:
+    """Return the program of rule files as the tables of facts beside them ask it; None without such a table.
+
+    Raises:
+        UserError: a table cannot be read, or does not describe facts.
+        PrologError: a rule file is not a valid program.
+    """
+    found = [rule_file(rule) for rule in rules]
+    tables = [read_yaml(table, example="states:") for table in tables_of(found)]
+    tables = [table for table in tables if is_told(table)]
+    return told_cases(found, tables)[0] if tables else None

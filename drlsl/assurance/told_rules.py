@@ -10,6 +10,7 @@ from drlsl.assurance.tested_rules import Answered, Question, State, TestedRules
 from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.terms import Atom, Operators, format_term
+from drlsl.lowering.frontend import Query
 from drlsl.lowering.ir import Schema
 from drlsl.shield import LIMITS, ActionRules, Facts, Interpreter, RuleFailure, read_asked
 
@@ -27,6 +28,7 @@ class ToldRules(TestedRules):
         self._asked = asked
         self._schema = schema
         self._reference = Interpreter(asked.engine, (), LIMITS)
+        self._ask = read_asked(asked.engine, ask, "ask", 1)
         self._why = read_asked(asked.engine, reasons, "reasons", 2)
         self.offered: Final = Question(ask, "set")
 
@@ -46,6 +48,13 @@ class ToldRules(TestedRules):
     @property
     def usual(self) -> Sequence[Question]:
         return (self.offered, *map(self.reasons_against, self.actions))
+
+    @property
+    def queries(self) -> Sequence[Query]:
+        """What generated code answers: the actions offered, and the reasons against them, if it has any."""
+        reasons = Query(self._why.name, self._why.arity, "all")
+        known = self.engine.defines(reasons.name, reasons.arity)
+        return (Query(self._ask.name, self._ask.arity, "set"), *([reasons] if known else ()))
 
     def reasons_against(self, action: str) -> Question:
         """Return the question for the reasons against an action."""

@@ -16,7 +16,7 @@ from drlsl.cli.options import RuleFiles
 
 if TYPE_CHECKING:
     from drlsl.logic import Engine
-    from drlsl.lowering import Finding, PredicateReport, Report
+    from drlsl.lowering import Finding, PredicateReport, Report, Schema
     from drlsl.lowering.frontend import Lowered, Query
 
 app = typer.Typer(
@@ -43,8 +43,8 @@ def check(files: RuleFiles = None) -> None:
     from drlsl.lowering import Finding, check_program
 
     engine = _load(files)
-    if engine.defines("offered", 1) and not any(engine.defines(one.name, one.arity) for one in ASKED):
-        _check_offers(engine)
+    if _offers_alone(engine):
+        _check_offers(engine, files or ())
         return
     report = check_program(engine, SCHEMA, (*ASKED, query_of(NAMES), query_of(BOUNDS)))
     wrong = [*unknown_actions(engine), *_observation_slips(engine)]
@@ -54,17 +54,31 @@ def check(files: RuleFiles = None) -> None:
     _print_findings(report.findings)
 
 
-def _check_offers(engine: Engine) -> None:
-    """Report the findings in rules for `LogicShield`; the kinds of their facts are not known here."""
-    from drlsl.lowering import Schema, find_mistakes
+def _offers_alone(engine: Engine) -> bool:
+    """Return whether rules are for `LogicShield`: they say what is offered, and nothing that driving asks."""
+    from drlsl.driving.shield import ASKED
+
+    return engine.defines("offered", 1) and not any(engine.defines(one.name, one.arity) for one in ASKED)
+
+
+def _check_offers(engine: Engine, files: Sequence[Path]) -> None:
+    """Report on rules for `LogicShield`: what a table beside them tells of their facts is known of them."""
+    from drlsl.assurance import load_told_rules
+    from drlsl.lowering import Schema, check_program, find_mistakes
 
     facts = [f"{name}/{arity}" for name, arity in engine.predicates() if engine.is_dynamic(name, arity)]
     print(
         "rules for LogicShield: offered/1 says which actions are offered; nothing is asked that driving asks"
     )
     print(f"facts: {', '.join(sorted(facts)) or 'none'}")
-    print("whether every tier answers alike is checked by a table of facts: drlsl rules test")
-    _print_findings(find_mistakes(engine, Schema(())))
+    told = load_told_rules(files)
+    if told is None:
+        print("no table of facts beside them tells the kinds of their columns: see drlsl rules test")
+        _print_findings(find_mistakes(engine, Schema(())))
+    else:
+        report = check_program(engine, told.schema, told.queries)
+        _print_report(report)
+        _print_findings(report.findings)
 
 
 def _observation_slips(engine: Engine) -> Iterator[tuple[str, str]]:
@@ -100,7 +114,7 @@ def _print_report(report: Report) -> None:
             print(f"  {query}")
             print("\n".join(f"    {doubt}" for doubt in doubts))
     if report.uncalled:
-        print("\ncalled by no rule, and no query of driving")
+        print("\ncalled by no rule, and not asked")
         _print_wrapped(report.uncalled)
 
 
@@ -143,21 +157,41 @@ def show(
         ),
     ] = None,
 ) -> None:
-    """Print the code that a rule program is compiled to."""
-    from drlsl.driving.scene import SCHEMA
-    from drlsl.driving.shield import ASKED, ENTRY, query_of
+    """Print the code that a rule program is compiled to.
+
+    The facts of rules for LogicShield are known from the tables of facts beside them (NAME.test.yaml).
+    """
     from drlsl.errors import UserError
     from drlsl.lowering.frontend import lower
     from drlsl.lowering.ir import NotLowerable
 
     engine = _load(files)
-    asked = [query for query in ASKED if query != query_of(ENTRY)]
-    queries = [_query(goal) for goal in goals or ()]
-    queries = queries or [query for query in asked if engine.defines(query.name, query.arity)]
+    schema, usual = _asked_in_use(engine, files or (), tier)
     try:
-        print(_source(tier, lower(engine, SCHEMA, queries)))
+        print(_source(tier, lower(engine, schema, [_query(engine, goal) for goal in goals or ()] or usual)))
     except NotLowerable as reason:
         raise UserError(f"{reason}; the interpreter runs it, see drlsl rules check") from reason
+
+
+def _asked_in_use(engine: Engine, files: Sequence[Path], tier: Tier) -> tuple[Schema, Sequence[Query]]:
+    """Return the form of the facts of a program, and what it is asked in use."""
+    from drlsl.assurance import load_told_rules
+    from drlsl.driving.scene import SCHEMA
+    from drlsl.driving.shield import ASKED, ENTRY, query_of
+    from drlsl.errors import UserError
+
+    if not _offers_alone(engine):
+        asked = [query for query in ASKED if query != query_of(ENTRY)]
+        return SCHEMA, [query for query in asked if engine.defines(query.name, query.arity)]
+    told = load_told_rules(files)
+    if told is None:
+        raise UserError(
+            f"{files[0]}: rules for LogicShield, and no table of facts beside them tells the kinds of their "
+            "columns; expected NAME.test.yaml beside NAME.pl (docs/logic-shield.md)"
+        )
+    offers, *reasons = told.queries
+    # Reasons are looked for in one state at a time.
+    return told.schema, [offers, *(reasons if tier is Tier.SCALAR else ())]
 
 
 def _source(tier: Tier, lowered: Lowered) -> str:
@@ -199,13 +233,15 @@ def shell(files: RuleFiles = None) -> None:
     raise typer.Exit(run_shell(chosen))
 
 
-def _query(goal: str) -> Query:
+def _query(engine: Engine, goal: str) -> Query:
     from drlsl.errors import UserError
     from drlsl.lowering.frontend import Query
 
     name, _, arity = goal.rpartition("/")
     if not name or not arity.isdigit():
         raise UserError(f"--query {goal}: expected NAME/ARITY, such as front_is_free/0")
+    if not engine.defines(name, int(arity)):
+        raise UserError(f"--query {goal}: the program does not define it")
     return Query(name, int(arity), "first" if int(arity) else "holds")
 
 

@@ -128,8 +128,8 @@ class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in G
         self._terminated = self._terminated & ~chosen
         self._over = self._over & ~chosen
         self._ask()
-        nobody = [""] * self.num_envs
-        return observations, self._told(infos, asked=nobody, taken=nobody, reasons=nobody)
+        nobody, nothing = [""] * self.num_envs, np.zeros(self.num_envs)
+        return observations, self._told(infos, asked=nobody, taken=nobody, reasons=nobody, penalties=nothing)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Take an action in each environment, by the mode if it was not offered.
@@ -152,15 +152,16 @@ class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in G
         self.counts.replaced += int((settled.taken != asked).sum())
         given = actions if not refused else settled.taken + self._actions.start
         observations, rewards, terminated, truncated, infos = self.env.step(given)
-        if self._mode == "penalise" and refused:
-            rewards = np.where(settled.offered, rewards, rewards - self._penalty)
+        penalties = np.where(settled.offered | (self._mode != "penalise"), 0.0, self._penalty)
+        if penalties.any():
+            rewards = rewards - penalties
         self._over = np.asarray(terminated | truncated)
         is_left = self._autoreset is not AutoresetMode.SAME_STEP  # in the state in which it ended
         self._terminated = np.asarray(terminated) & is_left
         self._ask()
         names = ["" if new else labels[place] for new, place in zip(begin, asked, strict=True)]
         taken = ["" if new else labels[place] for new, place in zip(begin, settled.taken, strict=True)]
-        told = self._told(infos, asked=names, taken=taken, reasons=reasons)
+        told = self._told(infos, asked=names, taken=taken, reasons=reasons, penalties=penalties)
         return observations, rewards, terminated, truncated, told
 
     def action_masks(self) -> npt.NDArray[np.bool_]:
@@ -190,7 +191,13 @@ class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in G
         return "; ".join(self.rules.objections_in(self._facts, place, action)) or NOT_OFFERED
 
     def _told(
-        self, infos: dict[str, Any], *, asked: list[str], taken: list[str], reasons: list[str]
+        self,
+        infos: dict[str, Any],
+        *,
+        asked: list[str],
+        taken: list[str],
+        reasons: list[str],
+        penalties: npt.NDArray[np.float64],
     ) -> dict[str, Any]:
         masks, labels = self.action_masks(), self._actions.labels
         failures = [self._failures.get(place, "") for place in range(self.num_envs)]
@@ -204,6 +211,7 @@ class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in G
             "taken": np.array(taken, dtype=object),
             "replaced": np.array([one != other for one, other in zip(asked, taken, strict=True)]),
             "reason": np.array(reasons, dtype=object),
+            "penalty": penalties,
             "fail_safe": np.array([bool(why) for why in failures]),
             "fail_safe_reason": np.array(failures, dtype=object),
         }

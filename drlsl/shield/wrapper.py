@@ -118,7 +118,7 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """
         observation, info = self.env.reset(seed=seed, options=options)
         self._ask()
-        return observation, self._told(info, asked="", taken="", reason="")
+        return observation, self._told(info, asked="", taken="", reason="", penalty=0.0)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take an action, by the mode if it was not offered, and ask the rules about the next state.
@@ -140,13 +140,14 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         reason = "" if settled.offered[0] else self._reason(labels[asked], replaced=taken != asked)
         given = action if taken == asked else self._actions.start + taken
         observation, reward, terminated, truncated, info = self.env.step(given)
-        if self._mode == "penalise" and not settled.offered[0]:
-            reward = float(reward) - self._penalty
+        penalty = self._penalty if self._mode == "penalise" and not settled.offered[0] else 0.0
+        if penalty:
+            reward = float(reward) - penalty
         if terminated:
             self._offer = Offer((self.rules.fallback,))
         else:
             self._ask()
-        told = self._told(info, asked=labels[asked], taken=labels[taken], reason=reason)
+        told = self._told(info, asked=labels[asked], taken=labels[taken], reason=reason, penalty=penalty)
         return observation, reward, terminated, truncated, told
 
     def action_masks(self) -> npt.NDArray[np.bool_]:
@@ -172,7 +173,9 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
             return NOT_OFFERED
         return "; ".join(self.rules.objections(self._facts, action)) or NOT_OFFERED
 
-    def _told(self, info: dict[str, Any], *, asked: str, taken: str, reason: str) -> dict[str, Any]:
+    def _told(
+        self, info: dict[str, Any], *, asked: str, taken: str, reason: str, penalty: float
+    ) -> dict[str, Any]:
         assert self._offer is not None
         shield = {
             "offered": self._offer.actions,
@@ -180,6 +183,7 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
             "taken": taken,
             "replaced": asked != taken,
             "reason": reason,
+            "penalty": penalty,
             "fail_safe": bool(self._offer.failure),
             "fail_safe_reason": self._offer.failure,
         }

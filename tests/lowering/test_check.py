@@ -12,6 +12,8 @@ from drlsl.lowering import Report, check_program
 from drlsl.lowering.frontend import Query
 from drlsl.lowering.ir import Relation, Schema
 
+ENVIRONMENTS = Path(__file__).parents[2] / "rules" / "envs"
+
 SCHEMA = Schema([Relation("car", ("atom", "float"), key=0), Relation("limit", ("float",), single=True)])
 
 
@@ -132,9 +134,8 @@ def test_check_says_what_is_wrong_and_exits_with_1(
 def test_rules_of_other_environments_are_checked_for_what_is_theirs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    envs = Path(__file__).parents[2] / "rules" / "envs"
     for name in ("crossing", "frozen_lake", "minigrid", "straight_road"):
-        assert run(["rules", "check", str(envs / f"{name}.pl")]) == 0
+        assert run(["rules", "check", str(ENVIRONMENTS / f"{name}.pl")]) == 0
         assert "no findings" in capsys.readouterr().out
     rules = tmp_path / "taxi.pl"
     rules.write_text(
@@ -146,6 +147,36 @@ def test_rules_of_other_environments_are_checked_for_what_is_theirs(
     out = capsys.readouterr().out
     assert "facts: taxi/2\n" in out
     assert f"\n1 finding\n  error  {rules}:3: taxy/2 is not defined; did you mean taxi/2?\n" in out
+
+
+def test_a_table_of_facts_tells_the_tiers_of_rules_for_other_environments(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rules = tmp_path / "minigrid.pl"
+    rules.write_bytes((ENVIRONMENTS / "minigrid.pl").read_bytes())
+    assert run(["rules", "check", str(rules)]) == 0
+    assert "no table of facts" in capsys.readouterr().out
+    assert run(["rules", "show", str(rules)]) == 2
+    assert "expected NAME.test.yaml beside NAME.pl" in capsys.readouterr().err
+    table = tmp_path / "minigrid.test.yaml"
+    table.write_bytes((ENVIRONMENTS / "minigrid.test.yaml").read_bytes())
+    assert run(["rules", "check", str(rules)]) == 0
+    out = capsys.readouterr().out
+    assert "5 of 5 predicates run in every tier" in out
+    assert "no table of facts" not in out
+    assert run(["rules", "check", str(ENVIRONMENTS / "frozen_lake.pl")]) == 0
+    assert "sure_ground/1" in capsys.readouterr().out.partition("interpreter only: ")[2]
+
+
+@pytest.mark.parametrize("tier", ["scalar", "numpy", "numba"])
+def test_show_prints_what_rules_for_other_environments_become(
+    tier: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["rules", "show", str(ENVIRONMENTS / "minigrid.pl"), "--tier", tier]) == 0
+    source = capsys.readouterr().out
+    compile(source, "shown", "exec")
+    assert "column" in source
+    assert ("lava" in source) == (tier == "scalar")  # reasons are looked for in one state at a time
 
 
 @pytest.mark.parametrize("tier", ["scalar", "numpy", "numba"])
@@ -161,7 +192,7 @@ def test_show_prints_code_that_compiles(tier: str, capsys: pytest.CaptureFixture
     ("arguments", "message"),
     [
         (["show", "--query", "left_is_safe"], "expected NAME/ARITY"),
-        (["show", "--query", "nobody/0"], "does not define it"),
+        (["show", "--query", "nobody/0"], "does not define it\n"),
         (["show", "nofile.pl"], "cannot read the rule file nofile.pl"),
         (["show", "--tier", "gpu"], "gpu"),
     ],

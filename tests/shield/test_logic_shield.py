@@ -76,6 +76,7 @@ def test_info_tells_the_offer_of_the_state_and_what_became_of_the_action() -> No
         "taken": "",
         "replaced": False,
         "reason": "",
+        "penalty": 0.0,
         "fail_safe": False,
         "fail_safe_reason": "",
     }
@@ -87,6 +88,7 @@ def test_info_tells_the_offer_of_the_state_and_what_became_of_the_action() -> No
         "taken": "stay",
         "replaced": True,
         "reason": "falls(west)",
+        "penalty": 0.0,
         "fail_safe": False,
         "fail_safe_reason": "",
     }
@@ -114,6 +116,7 @@ def test_the_modes() -> None:
         assert terminated
         assert not info["shield"]["replaced"]
         assert info["shield"]["reason"] == "falls(west)"
+        assert rewards[mode] + info["shield"]["penalty"] == 1.0
         assert (env.counts.not_offered, env.counts.replaced) == (1, 0)
     assert rewards == {"mask": 1.0, "penalise": 0.75}
     env = shielded(mode="raise")
