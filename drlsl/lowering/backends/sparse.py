@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Final
 
 from drlsl.lowering.ir import QUANTIFIERS, SMALL, Node, Pool, conjuncts, reach, relation_of
@@ -163,9 +163,11 @@ class Conjunctions:
     def _share(self, wanted: dict[tuple[Node, ...], list[Node]]) -> dict[tuple[Node, ...], list[Node]]:
         wanted = self._join_companions(wanted)
         while True:
+            homes = Counter(chain.from_iterable(wanted.values()))
             counts: Counter[tuple[Node, Node]] = Counter()
             for parts in wanted.values():
-                counts.update(combinations(parts, 2))
+                # A pair that several masks share has two such parts; a mask may have thousands of its own.
+                counts.update(combinations([part for part in parts if homes[part] > 1], 2))
             best = max(
                 counts, key=lambda pair: (counts[pair], -len(pair[0].free | pair[1].free)), default=None
             )
@@ -189,10 +191,12 @@ class Conjunctions:
         groups: dict[tuple[tuple[int, ...], frozenset[Node]], list[Node]] = {}
         for part, numbers in homes.items():
             groups.setdefault((tuple(numbers), part.free), []).append(part)
-        joined = {part: group for (numbers, _), group in groups.items() if len(numbers) > 1 for part in group}
-        made = {id(group): self._tree(group) for group in joined.values()}
+        joined: dict[Node, Node] = {}
+        for (places, _), group in groups.items():
+            if len(places) > 1:
+                joined.update(dict.fromkeys(group, self._tree(group)))
         return {
-            key: list(dict.fromkeys(made[id(joined[part])] if part in joined else part for part in parts))
+            key: list(dict.fromkeys(joined.get(part, part) for part in parts))
             for key, parts in wanted.items()
         }
 

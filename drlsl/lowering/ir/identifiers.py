@@ -17,6 +17,7 @@ class Names:
 
     def __init__(self, reserved: Iterable[str] = (), *, ascii_only: bool = False) -> None:
         self._taken = {*keyword.kwlist, *reserved}
+        self._numbers: dict[str, int] = {}  # the last one that was appended to a name; all before are taken
         self._other = _NOT_ASCII if ascii_only else _OTHER
 
     def new(self, hint: str) -> str:
@@ -24,9 +25,10 @@ class Names:
         base = self._other.sub("_", _WORDS.sub("_", hint).lower()).strip("_") or "value"
         if base[0].isdigit():
             base = f"v{base}"
-        name, number = base, 1
+        name, number = base, self._numbers.get(base, 1)
         while name in self._taken:
             number += 1
             name = f"{base}_{number}"
+        self._numbers[base] = number
         self._taken.add(name)
         return name

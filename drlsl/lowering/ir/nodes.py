@@ -20,7 +20,9 @@ atom        const, col, select
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from heapq import heappop, heappush
 from typing import Any, Final, Literal, TypeAlias
 
 from drlsl.logic.terms import Atom
@@ -192,67 +194,18 @@ class Pool:
 
     def and_(self, nodes: Iterable[Node]) -> Node:
         """Return the conjunction, in order."""
-        parts: dict[Node, None] = {}
+        parts: dict[Node, Any] = {}
         for node in nodes:
-            parts.update(dict.fromkeys(node.args if node.op == "and" else (node,)))
+            parts.update(dict.fromkeys(conjuncts(node)))
         parts.pop(self.true, None)
-        changed = True
-        while changed:
-            changed = False
-            for part in list(parts):
-                left = self._under(part, parts)
-                if left is part:
-                    continue
-                changed = True
-                places = [
-                    other
-                    for old in parts
-                    for other in ((left.args if left.op == "and" else (left,)) if old is part else (old,))
-                ]
-                parts = dict.fromkeys(places)
-                parts.pop(self.true, None)
-                break
-        if self.false in parts or any(self._excluded(part, parts) for part in parts):
+        together = _Conjunction(self, parts)
+        together.simplify()
+        if together.is_false():
             return self.false
+        parts = together.parts
         if len(parts) < 2:
             return next(iter(parts), self.true)
         return self.make("and", "bool", tuple(parts))
-
-    def _under(self, part: Node, known: Mapping[Node, None]) -> Node:
-        """Return a conjunct simplified by the others."""
-        if part.op == "or":
-            if any(
-                arg in known or (arg.op == "and" and all(a in known for a in arg.args)) for arg in part.args
-            ):
-                return self.true
-            kept = [arg for arg in part.args if self.not_(arg) not in known]
-            return part if len(kept) == len(part.args) else self.or_(kept)
-        if part.op == "not" and part.args[0].op == "and":
-            kept = [arg for arg in part.args[0].args if arg not in known]
-            return part if len(kept) == len(part.args[0].args) else self.not_(self.and_(kept))
-        if part.op == "not" and part.args[0].op == "eq":
-            left, right = part.args[0].args
-            if right.is_const and any(
-                k.op == "eq" and k.args[0] is left and k.args[1].is_const for k in known
-            ):
-                return self.true if self.make("eq", "bool", (left, right)) not in known else part
-        return part
-
-    def _excluded(self, part: Node, known: Mapping[Node, None]) -> bool:
-        """Return whether a conjunct contradicts another."""
-        if self.not_(part) in known:
-            return True
-        if part.op == "lt":
-            return self.make("lt", "bool", (part.args[1], part.args[0])) in known
-        if part.op == "eq" and part.args[1].is_const:
-            return any(
-                other.op == "eq"
-                and other is not part
-                and other.args[0] is part.args[0]
-                and other.args[1].is_const
-                for other in known
-            )
-        return False
 
     def or_(self, nodes: Iterable[Node]) -> Node:
         """Return the disjunction, in order."""
@@ -467,6 +420,123 @@ class Pool:
         if node.op == "col":
             return self.column(args[0], *node.data)
         return self.make(node.op, node.kind, args, node.data, (node.low, node.high))
+
+
+_Place: TypeAlias = tuple[int, ...]
+"""The place of a part: what replaces it has the same, and its number among several in addition."""
+
+
+class _Conjunction:
+    """The different parts of a conjunction in order, each to be simplified by the others."""
+
+    def __init__(self, pool: Pool, parts: dict[Node, Any]) -> None:
+        self._pool = pool
+        self.parts = parts
+        self._fixed: Counter[Node] | None = None
+        self._todo: list[tuple[_Place, int, Node]] = []
+        self._done: set[Node] = set()
+        self._dependent: dict[Node, list[Node]] = {}
+
+    def simplify(self) -> None:
+        """Simplify the first part that can be simplified, then again the first, until none can be."""
+        if all(self._simple(part) is part for part in self.parts):
+            return
+        self.parts = {part: (number,) for number, part in enumerate(self.parts)}
+        self._todo = [(place, part.order, part) for part, place in self.parts.items()]
+        while self._todo:
+            place, _, part = heappop(self._todo)
+            if self.parts.get(part) != place or part in self._done:
+                continue
+            simple = self._simple(part)
+            if simple is part:
+                self._leave(part)
+            else:
+                self._replace(part, simple)
+        self.parts = dict.fromkeys(sorted(self.parts, key=self.parts.__getitem__))
+
+    def is_false(self) -> bool:
+        """Return whether a part is false, or contradicts another."""
+        return self._pool.false in self.parts or any(map(self._is_excluded, self.parts))
+
+    def _leave(self, part: Node) -> None:
+        """Look at a part that is simple only once one is added that may change this; none that goes does."""
+        self._done.add(part)
+        for node in self._decisive(part):
+            self._dependent.setdefault(node, []).append(part)
+
+    def _decisive(self, part: Node) -> Iterator[Node]:
+        """Yield the nodes that simplify a part if they, or their equality with a constant, are parts, too."""
+        if part.op == "or":
+            for arg in part.args:
+                yield from (arg, self._pool.not_(arg), *conjuncts(arg))
+        elif part.op == "not" and part.args[0].op == "and":
+            yield from part.args[0].args
+        elif part.op == "not" and part.args[0].op == "eq":
+            yield part.args[0].args[0]
+
+    def _replace(self, part: Node, simple: Node) -> None:
+        """Put the parts of a simplified part in its place; one with two places keeps the first."""
+        place = self.parts.pop(part)
+        for number, node in enumerate(conjuncts(simple)):
+            here, known = (*place, number), self.parts.get(node)
+            if node is self._pool.true or (known is not None and known < here):
+                continue
+            self.parts[node] = here
+            heappush(self._todo, (here, node.order, node))
+            if known is None:
+                self._look_again(node)
+
+    def _look_again(self, added: Node) -> None:
+        """Have parts looked at again that an added one may simplify."""
+        self._done.discard(added)
+        causes = [added]
+        if _is_fixing(added):
+            causes.append(added.args[0])
+            if self._fixed is not None:
+                self._fixed[added.args[0]] += 1
+        for part in (one for cause in causes for one in self._dependent.get(cause, ())):
+            if part in self.parts and part in self._done:
+                self._done.remove(part)
+                heappush(self._todo, (self.parts[part], part.order, part))
+
+    def _simple(self, part: Node) -> Node:
+        """Return a part simplified by the others."""
+        pool, known = self._pool, self.parts
+        if part.op == "or":
+            if any(
+                arg in known or (arg.op == "and" and all(a in known for a in arg.args)) for arg in part.args
+            ):
+                return pool.true
+            kept = [arg for arg in part.args if pool.not_(arg) not in known]
+            return part if len(kept) == len(part.args) else pool.or_(kept)
+        if part.op == "not" and part.args[0].op == "and":
+            kept = [arg for arg in part.args[0].args if arg not in known]
+            return part if len(kept) == len(part.args[0].args) else pool.not_(pool.and_(kept))
+        if part.op == "not" and part.args[0].op == "eq":
+            left, right = part.args[0].args
+            if right.is_const and self._fixes(left) and part.args[0] not in known:
+                return pool.true
+        return part
+
+    def _is_excluded(self, part: Node) -> bool:
+        """Return whether a part contradicts another."""
+        pool, known = self._pool, self.parts
+        if pool.not_(part) in known:
+            return True
+        if part.op == "lt":
+            return pool.make("lt", "bool", (part.args[1], part.args[0])) in known
+        return _is_fixing(part) and self._fixes(part.args[0]) > 1
+
+    def _fixes(self, value: Node) -> int:
+        """Return how many parts say that a value equals a constant."""
+        if self._fixed is None:
+            self._fixed = Counter(part.args[0] for part in self.parts if _is_fixing(part))
+        return self._fixed[value]
+
+
+def _is_fixing(node: Node) -> bool:
+    """Return whether a condition says that a value equals a constant."""
+    return node.op == "eq" and node.args[1].is_const
 
 
 def conjuncts(node: Node) -> tuple[Node, ...]:
