@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import mmap
 import os
 import re
 import warnings
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import IO
 
@@ -55,7 +57,7 @@ def read_cached(source: Source) -> Recording | None:
     try:
         with open(path, "rb") as file:
             known = file.read(HEAD)[:SUM]
-            content = np.asarray(np.memmap(file, np.uint8, "r"))
+            content = np.frombuffer(_in_memory(file), dtype=np.uint8)
             # Check before use: the layout of the arrays is read from the same file.
             if known != _checksum(content):
                 raise ValueError("the checksum is wrong")
@@ -81,22 +83,39 @@ def write_cached(source: Source, recording: Recording) -> None:
     """
     facts = json.dumps({"fingerprint": _fingerprint(source), **facts_of(recording)}).encode()
     facts += b" " * (-len(facts) % HEAD)
+    whole = BytesIO()
+    whole.write(bytes(HEAD))
+    np.save(whole, np.frombuffer(facts, dtype=np.uint8))
+    for name in ARRAYS:
+        np.save(whole, getattr(recording.film, name))
+    whole.write(bytes((HEAD - whole.tell()) % SUM))
+    content = whole.getbuffer()
+    content[:SUM] = _checksum(np.frombuffer(content, dtype=np.uint8))
     path = _cache_file(source)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         make_room()
         with written_whole(path) as file:
-            file.write(bytes(HEAD))
-            np.save(file, np.frombuffer(facts, dtype=np.uint8))
-            for name in ARRAYS:
-                np.save(file, getattr(recording.film, name))
-            file.write(bytes((HEAD - file.tell()) % SUM))
-            file.flush()
-            checksum = _checksum(np.asarray(np.memmap(file, np.uint8, "r")))
-            file.seek(0)
-            file.write(checksum)
+            # At once: what is written in small pieces stays in small pages.
+            file.write(content)
     except OSError as error:
         warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
+
+
+def _in_memory(file: IO[bytes]) -> mmap.mmap:
+    """Return a file as memory that all processes share, if possible in large pages.
+
+    Egos read places far apart in the films of many recordings, and a processor remembers where some thousand
+    pages are: to look others up takes it longer than to read them.
+
+    Raises:
+        ValueError: the file is empty.
+    """
+    memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    if hasattr(mmap, "MADV_HUGEPAGE"):
+        with suppress(OSError):  # a kernel built without them
+            memory.madvise(mmap.MADV_HUGEPAGE)
+    return memory
 
 
 def _mapped(file: IO[bytes], content: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
