@@ -12,8 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from drlsl.driving.explain import busy_sections, objections
-from drlsl.driving.scene import EGO, Action, Scene, SceneBatch, Vehicle
-from drlsl.driving.shield import LIMITS, Decision, RuleFailure, Shield
+from drlsl.driving.scene import EGO, Action, Road, Scene, SceneBatch, Vehicle, road_facts
+from drlsl.driving.shield import LIMITS, Decision, RuleFailure, Shield, scene_program
 from drlsl.driving.shield.decision import fail_safe_speed
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.errors import UserError
@@ -371,3 +371,33 @@ def test_shields_of_two_tiers_on_one_engine_tell_each_other_of_the_road() -> Non
         assert first.decide(SCENE) == expected[0]
     with pytest.raises(UserError, match="the scalar tier cannot run these rules"):
         shield(safe_actions="safe_actions(X) :- nb_getval(offer, X).").with_tier("scalar")
+
+
+@pytest.mark.parametrize("tier", ["numpy", "numba"])
+def test_the_facts_of_a_road_are_made_once_while_others_are_asked_about(
+    tier: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Egos enter on the roads of a whole data set, one after the other."""
+    made: list[Road] = []
+
+    def counted(one: Road) -> Any:
+        made.append(one)
+        return road_facts(one)
+
+    monkeypatch.setattr(scene_program, "road_facts", counted)
+    asked = Shield.default(tier=tier)
+    for limit in (30.0, 30.1, 30.0, 30.1, 30.0):
+        on = road(0, 3, limit=limit)
+        decisions = asked.decide_batch(SceneBatch.of([replace(SCENE, road=on)] * 9))
+        assert set(decisions.target_speed.tolist()) == {limit}
+    assert made == [road(0, 3, limit=30.0), road(0, 3, limit=30.1)]
+
+
+def test_the_facts_of_few_roads_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scene_program, "KEPT", 2)
+    asked = Shield.default(tier="numpy")
+    for limit in (30.0, 30.1, 30.02, 30.04, 30.0):
+        decisions = asked.decide_batch(SceneBatch.of([replace(SCENE, road=road(0, 3, limit=limit))] * 9))
+        assert set(decisions.target_speed.tolist()) == {limit}
+    tier: Any = asked._tier()
+    assert len(tier._answers._known) == 2

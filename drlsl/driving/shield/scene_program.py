@@ -17,15 +17,19 @@ from drlsl.traffic import Mask
 FIRST_OTHER: Final = 1 << 20
 """The integer of vehicle 0 in arrays; atoms of the program have smaller ones."""
 
+KEPT: Final = 256
+"""Rows of roads whose facts are kept: egos enter on one road after the other, and facts take long to make."""
+
 
 class SceneProgram:
-    """An array program that is given scenes; the facts of their roads are kept from batch to batch."""
+    """An array program that is given scenes; the facts of their roads are kept for later batches."""
 
     def __init__(self, program: BatchProgram[Any]) -> None:
         self._program = program
         self._reads_names = 0 in program.columns_read("vehicle", 8)
         self._roads: tuple[Road, ...] = ()
         self._road_rows: dict[tuple[str, int], Any] = {}
+        self._known: dict[tuple[Road, ...], dict[tuple[str, int], Any]] = {}
 
     def __call__(self, scenes: SceneBatch) -> tuple[Sequence[BatchAnswer[npt.NDArray[Any]]], Mask]:
         """Return the answers, and the scenes that are undecided, as NumPy arrays."""
@@ -36,7 +40,7 @@ class SceneProgram:
         return answers, _numpy(result.undecided)
 
     def _facts(self, scenes: SceneBatch) -> dict[tuple[str, int], Any]:
-        if scenes.roads != self._roads:
+        if scenes.roads is not self._roads:
             self._roads, self._road_rows = scenes.roads, self._rows_of(scenes.roads)
         names = None
         if self._reads_names:
@@ -52,6 +56,13 @@ class SceneProgram:
 
     def _rows_of(self, roads: tuple[Road, ...]) -> dict[tuple[str, int], Any]:
         """Return the facts of the roads that the program reads, a table for each road."""
+        if roads not in self._known:
+            while len(self._known) >= KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[roads] = self._made_of(roads)
+        return self._known[roads]
+
+    def _made_of(self, roads: tuple[Road, ...]) -> dict[tuple[str, int], Any]:
         facts = [road_facts(road) for road in roads]
         rows = {
             (name, arity): self._tables(SCHEMA.relations[name, arity], [one[name, arity] for one in facts])
