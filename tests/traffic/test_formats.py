@@ -145,6 +145,30 @@ def test_estimates_are_noted(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "write",
+    [twins.write_fcd_xml, twins.write_fcd_csv, pytest.param(twins.write_fcd_parquet, marks=needs_pyarrow)],
+)
+def test_a_changed_file_beside_is_read_again(write: Callable[[Path, Traffic], Path], tmp_path: Path) -> None:
+    """Vehicle types and roads come from files beside SUMO's, which belong to what the cache is a copy of."""
+    fcd = write(tmp_path / "fcd", traffic(rate=10.0))
+    (fcd.parent / "traffic.rou.xml").rename(fcd.parent / "types.add.xml")
+
+    def lengths() -> set[float]:
+        found = load_recording(fcd).frames
+        return set(found.length[found.valid].round(3).tolist())
+
+    assert lengths() == {4.5, 14.0}
+    edit(fcd.parent / "types.add.xml", '"4.5"', '"4.75"')
+    assert lengths() == {4.75, 14.0}
+    (fcd.parent / "more.rou.xml").write_text(
+        '<routes><vType id="lorry" vClass="truck" length="16.5"/></routes>'
+    )
+    assert lengths() == {4.75, 14.0}, "of two definitions the last file's is taken"
+    (fcd.parent / "types.add.xml").unlink()
+    assert 16.5 in lengths()
+
+
 def test_runs_of_a_table(tmp_path: Path) -> None:
     path = twins.write_tgsim(tmp_path / "t.csv", traffic(rate=10.0, directions=(1,)))
     with pytest.raises(UserError, match="holds runs 1, 2; choose one"):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.errors import UserError
 from drlsl.traffic.files import ENCODING, UNREADABLE, open_bytes, unreadable
-from drlsl.traffic.road_beside import road_beside
+from drlsl.traffic.road_beside import road_beside, vehicle_types_beside
 from drlsl.traffic.source import Source
 
 if TYPE_CHECKING:
@@ -89,6 +89,11 @@ def _with_network(path: Path) -> tuple[Path, ...]:
     return (path,) if road is None else (path, road)
 
 
+def _with_network_and_types(path: Path) -> tuple[Path, ...]:
+    """Return SUMO's tracks, the file of their road if it is there, and those of vehicle types."""
+    return (*_with_network(path), *vehicle_types_beside(path))
+
+
 def _is_tracks(start: Start) -> bool:
     return TRACKS_FILE.fullmatch(start.path.name) is not None
 
@@ -106,7 +111,7 @@ FORMATS: Final = (
         "SUMO FCD, CSV",
         "sumo_fcd:load_fcd",
         lambda start: "timesteptime" in start.columns,
-        companions=_with_network,
+        companions=_with_network_and_types,
     ),
     Format(
         "NGSIM, CSV", "ngsim:load_ngsim", lambda start: "vehicleid" in start.columns, parts="ngsim:part_names"
@@ -115,14 +120,14 @@ FORMATS: Final = (
         "SUMO FCD, Parquet",
         "sumo_fcd:load_fcd",
         lambda start: start.head.startswith("par1") and "timestep_time" in start.head,
-        companions=_with_network,
+        companions=_with_network_and_types,
     ),
     Format("Parquet of DRLSL", "parquet:load_parquet", lambda start: start.head.startswith("par1")),
     Format(
         "SUMO FCD, XML",
         "sumo_fcd:load_fcd",
         lambda start: "<fcd-export" in start.head,
-        companions=_with_network,
+        companions=_with_network_and_types,
     ),
     Format("CommonRoad", "commonroad:load_commonroad", lambda start: "<commonroad" in start.head),
     Format(

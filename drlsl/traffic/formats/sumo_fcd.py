@@ -11,7 +11,7 @@ https://sumo.dlr.de/docs/Definition_of_Vehicles,_Vehicle_Types,_and_Routes.html
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
@@ -28,7 +28,7 @@ from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers, frames_of, numbered
 from drlsl.traffic.plausible import Place
 from drlsl.traffic.recording import Dropped, Recording, VehicleClass
-from drlsl.traffic.road_beside import OPENDRIVE
+from drlsl.traffic.road_beside import OPENDRIVE, is_road
 from drlsl.traffic.source import Source
 from drlsl.traffic.tracks import Tracks
 
@@ -77,7 +77,8 @@ def load_fcd(source: Source) -> Recording:
         raise UserError(f"{path}: no vehicle in any time step")
     number = {name: _floats(path, name, rows[name]) for name in ("time", "x", "y", "angle", "speed")}
     types = np.asarray(rows["type"], dtype=np.str_)
-    known, notes = _types(path, set(types.tolist()))
+    place = next(filter(is_road, source.files[1:]), None)
+    known, notes = _types(source, set(types.tolist()))
     off = (number["x"] == NOWHERE) | (number["y"] == NOWHERE)
     other = np.array([known[one] is None for one in types.tolist()])
     dropped = tuple(
@@ -110,7 +111,6 @@ def load_fcd(source: Source) -> Recording:
     )
     lane = np.asarray(rows["lane"], dtype=np.str_)[kept]
     classes = {one: kind[0] for one, kind in zip(vehicle.tolist(), kinds, strict=True) if kind}
-    place = source.files[1] if len(source.files) > 1 else None
     drawn = [] if place is None else read_road(place)
     limit = None if place is None or place.suffix == OPENDRIVE else highest_limit(drawn, set(lane.tolist()))
     read = OnMap(tracks, rate, classes, limit, USUAL_WIDTH, dropped, tuple(notes))
@@ -203,9 +203,10 @@ def _is_number(cell: Any) -> bool:
 Kind = tuple[VehicleClass, float, float]
 
 
-def _types(path: Path, names: set[str]) -> tuple[dict[str, Kind | None], list[str]]:
+def _types(source: Source, names: set[str]) -> tuple[dict[str, Kind | None], list[str]]:
     """Return class, length and width of the vehicle types, None for those that are no vehicles."""
-    defined = _defined(path)
+    path, *beside = source.files
+    defined = _defined(one for one in beside if not is_road(one))
     found: dict[str, Kind | None] = {}
     unknown = []
     for name in sorted(names):
@@ -239,11 +240,8 @@ def _size(path: Path, given: dict[str, str], side: str, usual: float) -> float:
     return float(text)
 
 
-def _defined(path: Path) -> dict[str, dict[str, str]]:
-    """Return the attributes of the vehicle types that files beside the data define."""
-    files: Iterator[Path] = (
-        one for one in sorted(path.parent.iterdir()) if one.name.endswith((".rou.xml", ".add.xml"))
-    )
+def _defined(files: Iterable[Path]) -> dict[str, dict[str, str]]:
+    """Return the attributes of the vehicle types that files define."""
     found = {}
     for one in files:
         try:
