@@ -41,6 +41,7 @@ from tests.induction.sleds import Sled, margin, sled
 
 SLEDS = "tests.induction.sleds:"
 DOMAIN = "drlsl.induction.environments.environment_domain"
+LABELS = "drlsl.induction.environments.labelled_actions"
 
 
 def learn(out: Path, name: str, **settings: Any) -> Learnt[Any]:
@@ -142,6 +143,26 @@ def test_what_the_end_of_an_episode_hides_has_no_label() -> None:
     assert whole
     for one in whole:
         assert one.left_out.get("cut short", 0) + len(one) == 3 * 15
+
+
+@pytest.mark.parametrize(("name", "way"), [("sled", "copies"), ("replayed", "replays")])
+def test_without_chance_an_action_is_tried_once_in_a_state(
+    name: str, way: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The labels are those of trying everything anew in each decision, in fewer steps."""
+    bias, steps = StateBias.of(SLEDS + name), [0]
+    step = Sled.step
+
+    def counted(self: Sled, action: int) -> Any:
+        steps[0] += 1
+        return step(self, action)
+
+    monkeypatch.setattr(Sled, "step", counted)
+    once = [label_episode(bias, way, seed) for seed in range(12)]
+    few, steps[0] = steps[0], 0
+    monkeypatch.setattr(f"{LABELS}.OnceFutures", lambda episode, futures: futures)
+    assert [label_episode(bias, way, seed) for seed in range(12)] == once
+    assert few < 0.8 * steps[0]
 
 
 def test_driving_is_not_disturbed_by_looking_ahead() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import gymnasium
@@ -171,6 +171,43 @@ class ReplayFutures:
 
 
 FUTURES: Final[dict[Way, Any]] = {"table": TableFutures, "copies": CopyFutures, "replays": ReplayFutures}
+
+
+@dataclass(slots=True, eq=False)
+class _Moment:
+    """A state of an environment without chance, and what is known to follow it, by action."""
+
+    state: Any
+    after: dict[int, Outcome] = field(default_factory=dict)
+
+
+class OnceFutures:
+    """The futures of an environment without chance: each action is tried once in a state.
+
+    What an action was found to lead to is still known when the episode has taken it.
+    """
+
+    exact = False
+
+    def __init__(self, episode: Episode, futures: Futures) -> None:
+        self._episode, self._futures = episode, futures
+        self._here, self._taken = _Moment(futures.here()), len(episode.taken)
+
+    def here(self) -> _Moment:
+        """Return the present state of the episode."""
+        taken = self._episode.taken
+        if len(taken) != self._taken:
+            known = self._here.after.get(taken[-1]) if len(taken) == self._taken + 1 else None
+            self._here = _Moment(self._futures.here()) if known is None else known.state
+            self._taken = len(taken)
+        return self._here
+
+    def outcomes(self, state: _Moment, action: int) -> Iterator[Outcome]:
+        """Yield what follows."""
+        if action not in state.after:
+            (found,) = self._futures.outcomes(state.state, action)
+            state.after[action] = Outcome(found.end, _Moment(found.state))
+        yield state.after[action]
 
 
 def reseed(env: gymnasium.Env[Any, Any], seed: int) -> None:

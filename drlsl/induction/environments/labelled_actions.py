@@ -15,7 +15,7 @@ import numpy as np
 
 from drlsl.errors import UserError
 from drlsl.files import parse_json, read_text, write_atomic
-from drlsl.induction.environments.futures import FUTURES, Episode, Way
+from drlsl.induction.environments.futures import FUTURES, Episode, OnceFutures, Way
 from drlsl.induction.environments.lookahead import Lookahead, Verdict
 from drlsl.induction.environments.plain_facts import PlainFacts, of_json
 from drlsl.induction.environments.state_bias import StateBias
@@ -106,6 +106,8 @@ def lookahead_in(episode: Episode, way: Way) -> tuple[Any, Lookahead]:
     """Return the futures of an episode, and the verdicts by them."""
     domain = episode.named.domain
     futures = FUTURES[way](episode)
+    if domain.draws == 1 and not futures.exact:
+        futures = OnceFutures(episode, futures)
     actions = [domain.actions[name] for name in domain.preferred]
     return futures, Lookahead(futures, actions, domain.horizon)
 
