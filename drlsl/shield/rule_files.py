@@ -53,9 +53,13 @@ def rule_file(path: str | Path) -> Path:
 
 
 def program_files(engine: Engine) -> list[Path]:
-    """Return the files that the clauses of a program come from, in the order of their names."""
+    """Return the files that a program comes from, in the order of their names.
+
+    One that has only directives is among them, since it may abolish clauses of others.
+    """
     clauses = (clause for key in engine.predicates() for clause in engine.clauses(*key))
-    return sorted({Path(clause.span.name) for clause in clauses if clause.span is not None})
+    names = {clause.span.name for clause in clauses if clause.span is not None}
+    return sorted({Path(name) for name in (*names, *engine.loaded.values())})
 
 
 def own_files(engine: Engine) -> list[Path]:
