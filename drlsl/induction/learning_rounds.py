@@ -134,7 +134,9 @@ class LearningRun(Generic[E]):
         """Return the rounds of an earlier call, or begin a new folder."""
         settings = self._folder / "settings.json"
         asked = json.dumps(self._domain.settings(), indent=1)
-        if not settings.is_file():
+        # What was refused before the first example was kept leaves nothing that other settings could spoil.
+        empty = not self._out.exists() and list(self._folder.glob("*")) == [settings]
+        if empty or not settings.is_file():
             if self._out.exists():
                 raise UserError(f"{self._out} exists; name a new file for the learnt rules")
             self._folder.mkdir(parents=True, exist_ok=True)
