@@ -21,6 +21,7 @@ from drlsl.induction import SearchProblem, covered, search
 from drlsl.induction.lane_changes import ChangeExamples, Labelling, SceneBias, cached_changes
 from drlsl.logic import Engine
 from drlsl.traffic import load_recording
+from drlsl.workers import followed
 
 Rows = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -136,7 +137,9 @@ def main() -> None:
     asked = parser.parse_args()
     bias, how = SceneBias("learning.pl"), Labelling(changes=asked.changes)
     parts = [
-        ChangeExamples(bias, [cached_changes(how, "learning.pl", load_recording(name)) for name in names])
+        ChangeExamples(
+            bias, [followed(cached_changes(how, "learning.pl", load_recording(name))) for name in names]
+        )
         for names in (asked.train, asked.test)
     ]
     train, test = parts

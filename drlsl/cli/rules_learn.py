@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
 import typer
 
+from drlsl.cli.learning_display import LearningDisplay
 from drlsl.cli.options import Jobs, Ray, crew_of, recordings
 
 if TYPE_CHECKING:
@@ -102,6 +103,9 @@ ReportEpisodes = Annotated[
         "the report; 0: no report.",
     ),
 ]
+
+
+_TABLE: Final = "writing the table, and trying it on mutants"
 
 
 def learn(
@@ -213,7 +217,9 @@ def _learn_lane_changes(given: _Traffic, numbers: _Numbers, effort: Effort, out:
         rounds=effort.rounds,
         crew=numbers.crew,
     )
-    result = _run(LearningRun(LaneChanges(request), out, _tell), out)
+    display = LearningDisplay()
+    result = _run(LearningRun(LaneChanges(request, display.progress), out, display.tell), out, display)
+    display.tell(_TABLE)
     mutants = write_table(out, result.clauses, result.examples, crew=numbers.crew)
     _print_written(out, mutants)
     what = ReportRequest(agents=tuple(given.agent or ()), crew=numbers.crew)
@@ -222,7 +228,7 @@ def _learn_lane_changes(given: _Traffic, numbers: _Numbers, effort: Effort, out:
     if numbers.report is not None:
         what = replace(what, episodes=numbers.report)
     if what.episodes:
-        print(f"wrote {LearningReport(out, request, result, mutants, _tell).write(what)}")
+        print(f"wrote {LearningReport(out, request, result, mutants, display.tell).write(what)}")
     return result.finished
 
 
@@ -249,12 +255,15 @@ def _learn_in_environment(name: str, numbers: _Numbers, effort: Effort, out: Pat
     )
 
     request = EnvRequest(name, numbers.examples, numbers.episodes, effort, numbers.seed, numbers.crew)
-    result = _run(LearningRun(EnvironmentDomain(request), out, _tell), out)
+    display = LearningDisplay()
+    domain = EnvironmentDomain(request, display.progress)
+    result = _run(LearningRun(domain, out, display.tell), out, display)
+    display.tell(_TABLE)
     mutants = write_states_table(out, result.clauses, result.examples, crew=numbers.crew)
     _print_written(out, mutants)
     if numbers.report != 0:
         path, table = write_environment_report(
-            out, result, mutants, name, numbers.report, crew=numbers.crew, tell=_tell
+            out, result, mutants, name, numbers.report, crew=numbers.crew, tell=display.tell
         )
         print("\n".join(table))
         print(f"wrote {path}")
@@ -274,14 +283,11 @@ def _check_installed(needed: dict[str, str]) -> None:
             raise UserError(f"learning rules needs {module}: pip install 'drlsl[{extra}]'")
 
 
-def _tell(line: str) -> None:
-    typer.echo(line, err=True)
-
-
-def _run(run: LearningRun[E], out: Path) -> Learnt[E]:
+def _run(run: LearningRun[E], out: Path, display: LearningDisplay) -> Learnt[E]:
     """Learn, and tell what was learnt; after Ctrl-C say what is left, and how to go on."""
     try:
-        result = run.run()
+        with display:
+            result = run.run()
     except KeyboardInterrupt:
         kept = f"{out} has the best clauses so far" if out.exists() else "no clauses were found yet"
         typer.echo(f"drlsl: stopped; {kept}, and the same command continues", err=True)

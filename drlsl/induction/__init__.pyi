@@ -1,5 +1,5 @@
 from .clause_search import SECONDS, Found, search
-from .domain import Domain, Effort, Examined
+from .domain import Domain, Effort, Examined, Progress, unseen
 from .examples import Examples
 from .learning_rounds import LearningRun, Learnt, Round
 from .quantities import Bias, Quantity
@@ -16,9 +16,11 @@ __all__ = [
     "LearningRun",
     "Learnt",
     "LearntClause",
+    "Progress",
     "Quantity",
     "Round",
     "SearchProblem",
     "covered",
     "search",
+    "unseen",
 ]

@@ -15,6 +15,14 @@ from drlsl.induction.search_problem import LearntClause
 
 Tell: TypeAlias = Callable[[str], None]
 
+Progress: TypeAlias = Callable[[str, int, int], None]
+"""Shows of something that takes long how much is done, of how much."""
+
+
+def unseen(what: str, done: int, total: int) -> None:
+    """Show no progress."""
+
+
 E_co = TypeVar("E_co", bound=Examples, covariant=True)
 
 

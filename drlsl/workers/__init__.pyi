@@ -1,7 +1,7 @@
 from .cluster import RayWorkers
 from .crew import ALONE, Crew, cores, in_order
 from .local import LocalWorkers
-from .outcome import Failure, Function, Make, Outcome, Stop, Workers
+from .outcome import Failure, Function, Make, Outcome, Stop, Workers, followed
 
 __all__ = [
     "ALONE",
@@ -15,5 +15,6 @@ __all__ = [
     "Stop",
     "Workers",
     "cores",
+    "followed",
     "in_order",
 ]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from drlsl.errors import UserError
-from drlsl.workers.local import LocalWorkers
+from drlsl.workers.local import Heard, LocalWorkers
 from drlsl.workers.outcome import Make, Outcome, Stop, Workers, attempt
 
 Answer = TypeVar("Answer")
@@ -41,16 +41,18 @@ class Crew:
         log: Callable[[Any], Path] | None = None,
         saves: bool = False,
         files: Sequence[Path] = (),
+        heard: Heard = lambda _, __: None,
     ) -> Workers[Any, Any]:
         """Return workers that perform tasks with the function that `make` makes.
 
-        `log` and `saves` as for `LocalWorkers`, which is chosen even for one job; `files` as for `perform`.
+        `log`, `saves` and `heard` as for `LocalWorkers`, which is chosen even for one job; `files` as for
+        `perform`. A cluster does not tell how far a task is.
 
         Raises:
             UserError: there is no such cluster, or the extra ray is missing.
         """
         if self.ray is None:
-            return LocalWorkers(make, self.jobs, log=log, saves=saves)
+            return LocalWorkers(make, self.jobs, log=log, saves=saves, heard=heard)
         try:
             from drlsl.workers.cluster import RayWorkers
         except ImportError as error:
@@ -58,19 +60,30 @@ class Crew:
         return RayWorkers(make, self.ray, files)
 
     def perform(
-        self, make: Make, tasks: Iterable[Any], *, files: Sequence[Path] = ()
+        self,
+        make: Make,
+        tasks: Iterable[Any],
+        *,
+        files: Sequence[Path] = (),
+        heard: Heard = lambda _, __: None,
     ) -> Iterator[tuple[int, Any]]:
         """Yield the answer to each task, with the task's number from 0, in the order in which they end.
 
         A task is taken from `tasks` when a worker is free, so `tasks` may depend on the answers before. One
         whose process or node ends is done again, up to `ATTEMPTS` times. `files` are what the answers depend
-        on besides the tasks; a node of a cluster that has others refuses to work.
+        on besides the tasks; a node of a cluster that has others refuses to work. `heard` is called with a
+        task and what its function yields before it has the answer, while one waits for the next answer; not
+        on a cluster.
 
         Raises:
             UserError: a task was lost `ATTEMPTS` times, a node has other files, or as `workers`.
             Exception: whatever a task raises; the others are stopped.
         """
-        workers = _ThisProcess(make) if self == ALONE else self.workers(_Numbered(make), files=files)
+        if self == ALONE:
+            workers: Workers[Any, Any] = _ThisProcess(make, heard)
+        else:
+            numbered = _Numbered(make)
+            workers = self.workers(numbered, files=files, heard=lambda task, said: heard(task[1], said))
         yield from _performed(workers, enumerate(tasks))
 
 
@@ -109,8 +122,8 @@ class _Numbered:
 class _ThisProcess:
     """A single worker: this process performs a task when it is waited for."""
 
-    def __init__(self, make: Make) -> None:
-        self._make = make
+    def __init__(self, make: Make, heard: Heard) -> None:
+        self._make, self._heard = make, heard
         self._function: Any = None
         self._task: tuple[int, Any] | None = None
 
@@ -131,7 +144,9 @@ class _ThisProcess:
     def wait(self, timeout_s: float) -> list[Outcome[Any, Any]]:
         """Perform the task."""
         task, self._task = self._task, None
-        return [] if task is None else [attempt(self._made, task, lambda: False)]
+        if task is None:
+            return []
+        return [attempt(self._made, task, lambda: False, lambda said: self._heard(task[1], said))]
 
     def stop(self) -> None:
         """Do nothing: nothing is in progress."""

@@ -29,6 +29,17 @@ TAIL: Final = 4_000
 _context: Final = multiprocessing.get_context("spawn")
 
 
+Heard: TypeAlias = Callable[[Any, Any], None]
+"""Hears of a task what it says on the way."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Word:
+    """Something that a task says on the way to its answer."""
+
+    value: Any
+
+
 @dataclass(slots=True)
 class _Worker:
     """A process that performs one task after another, and ends when one fails."""
@@ -45,13 +56,23 @@ class LocalWorkers:
     first. A process that fails in any way ends. With `log`, a function that gives the file for the output of
     a task, that keeps what was said; else the output is this process's. `saves`: when they are stopped, tasks
     in progress are asked to, and have `PATIENCE_S` to save what they did; else they are ended at once.
+    `heard` is called while one waits.
     """
 
-    def __init__(self, make: Make, count: int, *, log: LogOf | None = None, saves: bool = False) -> None:
+    def __init__(
+        self,
+        make: Make,
+        count: int,
+        *,
+        log: LogOf | None = None,
+        saves: bool = False,
+        heard: Heard = lambda _, __: None,
+    ) -> None:
         self._make = make
         self._count = count
         self._log = log
         self._saves = saves
+        self._heard = heard
         self._workers: list[_Worker] = []
 
     @property
@@ -74,10 +95,11 @@ class LocalWorkers:
             worker.connection.send(task)
 
     def wait(self, timeout_s: float) -> list[Outcome[Any, Any]]:
-        """Return the tasks that ended; none if the time is up before."""
+        """Return the tasks that ended; none if the time is up before, or a task said something."""
         at_work = [worker for worker in self._workers if worker.task is not None]
         ready = wait([worker.connection for worker in at_work], timeout_s)
-        return [self._outcome(worker) for worker in at_work if worker.connection in ready]
+        found = [self._outcome(worker) for worker in at_work if worker.connection in ready]
+        return [outcome for outcome in found if outcome is not None]
 
     def stop(self) -> None:
         """Tell all processes to save their work and end; kill those that do not, or take too long."""
@@ -108,13 +130,18 @@ class LocalWorkers:
         self._workers.append(worker)
         return worker
 
-    def _outcome(self, worker: _Worker) -> Outcome[Any, Any]:
-        task, worker.task = worker.task, None
+    def _outcome(self, worker: _Worker) -> Outcome[Any, Any] | None:
+        """Return what became of a worker's task; nothing if it only said something."""
+        task = worker.task
         try:
-            outcome: Outcome[Any, Any] = worker.connection.recv()
+            told: Outcome[Any, Any] | _Word = worker.connection.recv()
         except (EOFError, ConnectionResetError):
             worker.process.join()
-            outcome = Outcome(task, None, _failure(worker.process.exitcode, self._said(task)))
+            told = Outcome(task, None, _failure(worker.process.exitcode, self._said(task)))
+        if isinstance(told, _Word):
+            self._heard(task, told.value)
+            return None
+        outcome, worker.task = told, None
         if outcome.failure is None:
             return outcome
         worker.process.join()
@@ -161,7 +188,7 @@ def _serve(connection: Connection, make: Make, log: LogOf | None, saves: bool) -
             return
         if log is not None:
             _speak_into(log(task))
-        outcome = attempt(made, task, stopped.is_set)
+        outcome = attempt(made, task, stopped.is_set, lambda value: connection.send(_Word(value)))
         if outcome.failure is not None and log is not None:
             sys.stderr.write(outcome.failure.log)
             sys.stderr.flush()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
@@ -17,10 +17,17 @@ Stop: TypeAlias = Callable[[], bool]
 """Tells a task whether it should stop, and leave what it did to be resumed."""
 
 Function: TypeAlias = Callable[[Task, Stop], Answer]
-"""Performs one task after another, and keeps what they share."""
+"""Performs one task after another, and keeps what they share.
+
+One that is a generator yields how far it is, and returns the answer at the end.
+"""
 
 Make: TypeAlias = Callable[[], "Function[Any, Any]"]
 """Makes the function, once in each process. It is pickled, and the module that defines it imported there."""
+
+
+Hear: TypeAlias = Callable[[Any], None]
+"""Hears how far a task is, whatever the task says of that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +76,22 @@ class Workers(Protocol[Task, Answer]):
         """Release all resources; no task is in progress."""
 
 
-def attempt(make: Make, task: Task, stop: Stop) -> Outcome[Task, Any]:
-    """Perform a task, and return what became of it."""
+def followed(steps: Generator[Any, None, Answer], hear: Hear = lambda _: None) -> Answer:
+    """Return what a generator returns; `hear` is called with what it yields before."""
+    while True:
+        try:
+            said = next(steps)
+        except StopIteration as end:
+            answer: Answer = end.value
+            return answer
+        hear(said)
+
+
+def attempt(make: Make, task: Task, stop: Stop, hear: Hear = lambda _: None) -> Outcome[Task, Any]:
+    """Perform a task, and return what became of it; `hear` is called with what it says on the way."""
     try:
-        return Outcome(task, make()(task, stop))
+        answer = make()(task, stop)
+        return Outcome(task, followed(answer, hear) if isinstance(answer, Generator) else answer)
     except Exception as error:  # noqa: BLE001  (returned)
         line = "".join(traceback.format_exception_only(error)).strip().splitlines()[-1]
         summary = line.removeprefix(f"{UserError.__module__}.{UserError.__name__}: ")

@@ -13,6 +13,7 @@ from drlsl.errors import UserError
 from drlsl.induction.lane_changes import Changes, Labelling, SceneBias, cached_changes, label_changes
 from drlsl.induction.lane_changes.labelled_changes import WATCHED, labelling_shield
 from drlsl.traffic import load_recording
+from drlsl.workers import followed
 from tests.driving.recordings import Drive, recording
 
 QUICK = Labelling(changes=40, egos=16)
@@ -94,18 +95,18 @@ def test_labels_are_kept_until_anything_changes(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv("DRLSL_CACHE", str(tmp_path))
     made = load_recording("highway-test")
     asked: list[int] = []
-    first = cached_changes(QUICK, "learning.pl", made, progress=asked.append)
+    first = followed(cached_changes(QUICK, "learning.pl", made), asked.append)
     assert asked
     asked.clear()
-    again = cached_changes(QUICK, "learning.pl", made, progress=asked.append)
+    again = followed(cached_changes(QUICK, "learning.pl", made), asked.append)
     assert not asked
     assert alike(first, again)
-    cached_changes(Labelling(changes=39, egos=16), "learning.pl", made, progress=asked.append)
+    followed(cached_changes(Labelling(changes=39, egos=16), "learning.pl", made), asked.append)
     assert asked
     for file in (tmp_path / "labels").iterdir():
         file.write_bytes(file.read_bytes()[:100])
     with pytest.warns(UserWarning, match="damaged cache file"):
-        assert alike(cached_changes(QUICK, "learning.pl", made), first)
+        assert alike(followed(cached_changes(QUICK, "learning.pl", made)), first)
 
 
 def test_scenes_of_several_batches_are_joined() -> None:

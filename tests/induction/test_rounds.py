@@ -10,6 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from drlsl.driving.drivers import Driver
 from drlsl.driving.scene import Scene, load_scene
 from drlsl.driving.shield import Shield
 from drlsl.errors import UserError
-from drlsl.induction import LearningRun, covered
+from drlsl.induction import LearningRun, Progress, covered
 from drlsl.induction.lane_changes import (
     BadChange,
     ChangeExamples,
@@ -31,11 +32,13 @@ from drlsl.induction.lane_changes import (
     LearnRequest,
     ReportRequest,
     Stressed,
+    label_changes,
     learning_report,
     write_table,
 )
 from drlsl.induction.lane_changes.examination import broken_by, examined, stressed
 from drlsl.induction.lane_changes.scene_bias import SIDES
+from drlsl.traffic import load_recording
 from drlsl.verify import Request, Result
 from drlsl.verify.confirmation import Counterexample
 from drlsl.workers import Crew
@@ -58,7 +61,14 @@ class Trouble:
         self.times, self.rounds, self._examples = times, 0, examples
 
     def __call__(
-        self, rules: Path, recordings: Sequence[str], episodes: int, seed: int, *, crew: Crew
+        self,
+        rules: Path,
+        recordings: Sequence[str],
+        episodes: int,
+        seed: int,
+        *,
+        crew: Crew,
+        progress: Progress,
     ) -> list[Stressed]:
         self.rounds += 1
         if self.rounds > self.times:
@@ -109,6 +119,25 @@ def test_what_goes_wrong_is_an_example_of_the_next_round(
     assert (mine == covered(result.clauses, result.examples.eases)).all(), "the text is what was searched"
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_labelling_shows_how_far_each_recording_is(jobs: int, tmp_path: Path) -> None:
+    """From worker processes, too; the labels are the same."""
+    bias = tmp_path / "unlabelled.pl"
+    bias.write_text(f":- ensure_loaded('learning.pl').\n% {uuid4()}, so that no labels are kept\n")
+    seen: list[tuple[str, int, int]] = []
+    names = ("highway-test", "freeway")
+    request = replace(REQUEST, recordings=names, bias=str(bias), crew=Crew(jobs))
+    parts = LaneChanges(request, lambda *shown: seen.append(shown)).label(tmp_path, lambda _: None)
+    for name, part in zip(request.recordings, parts, strict=True):
+        counts = [done for what, done, total in seen if (what, total) == (f"labelling {name}", 80)]
+        assert counts == sorted(counts)
+        assert len(set(counts)) > 3
+        assert len(part) == 80
+        alone = label_changes(request.how, request.bias, load_recording(name))
+        assert np.array_equal(part.unsafe, alone.unsafe)
+        assert np.array_equal(part.scenes.x, alone.scenes.x)
+
+
 def test_rounds_are_resumed_and_other_settings_refused(
     tmp_path: Path, examples: ChangeExamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -147,6 +176,15 @@ def test_a_limit_of_rounds_leaves_what_holds_of_the_last_file(
     assert len(result.rounds) == 2
     assert not covered(result.clauses, result.examples.eases[result.examples.unsafe]).any()
     assert "the last one still brought examples" in out.read_text()
+
+
+def test_other_settings_begin_anew_where_nothing_was_learnt(tmp_path: Path) -> None:
+    """As after "label more": the same file may be named again."""
+    out = tmp_path / "learnt.pl"
+    LearningRun(LaneChanges(REQUEST), out, print)
+    LearningRun(LaneChanges(replace(REQUEST, episodes=11)), out, print)
+    settings = json.loads((tmp_path / "learnt.rounds" / "settings.json").read_text())
+    assert settings["episodes"] == 11
 
 
 def test_the_file_of_a_user_is_not_overwritten(tmp_path: Path) -> None:

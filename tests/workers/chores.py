@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections.abc import Generator
 from functools import partial
 from pathlib import Path
 
@@ -33,6 +34,16 @@ def _square(root: Path, number: int, stop: Stop) -> int:
         if told.name.startswith("awkward"):
             raise AwkwardError("this is", "awkward")
         raise KeyError(number)
+    return number * number
+
+
+def counting_up() -> Function[int, Generator[int, None, int]]:
+    """Return a function that says all smaller numbers before it squares one."""
+    return _count_up
+
+
+def _count_up(number: int, stop: Stop) -> Generator[int, None, int]:
+    yield from range(number)
     return number * number
 
 

@@ -11,7 +11,7 @@ import pytest
 from drlsl.errors import UserError
 from drlsl.workers import ALONE, Crew, in_order
 
-from .chores import performed, squaring, tell
+from .chores import counting_up, performed, squaring, tell
 
 
 def squares(root: Path, crew: Crew, count: int) -> list[int]:
@@ -81,6 +81,16 @@ def test_what_a_task_raises_ends_the_work(tmp_path: Path, crew: Crew) -> None:
         squares(tmp_path, crew, 50)
     assert time.monotonic() - started < 25.0
     assert all(map(gone, {process for _, process in performed(tmp_path)} - {os.getpid()}))
+
+
+@pytest.mark.parametrize("crew", [ALONE, Crew(2)])
+def test_a_task_says_how_far_it_is(crew: Crew) -> None:
+    heard: list[tuple[int, int]] = []
+    numbers = [3, 5, 0]
+    answers = in_order(crew.perform(counting_up, numbers, heard=lambda *said: heard.append(said)))
+    assert list(answers) == [9, 25, 0]
+    for number in numbers:
+        assert [said for task, said in heard if task == number] == list(range(number))
 
 
 def test_an_error_that_cannot_be_sent_is_told_in_words(tmp_path: Path) -> None:

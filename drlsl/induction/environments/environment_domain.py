@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from drlsl.induction.domain import Effort, Examined, Tell
+from drlsl.induction.domain import Effort, Examined, Progress, Tell, unseen
 from drlsl.induction.environments.action_examples import ActionExamples
 from drlsl.induction.environments.futures import Episode, way_back
 from drlsl.induction.environments.labelled_actions import LabelledActions, labelled_actions
@@ -25,9 +25,6 @@ ROUND_SEEDS: Final = 10_000
 
 HELD_OUT_SEEDS: Final = 1_000_000
 """The first seed of the episodes that judge, from which nothing is learnt."""
-
-_PROGRESS: Final = 0.1
-"""The share of the actions after which one is told how many are labelled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +45,16 @@ class EnvRequest:
 class EnvironmentDomain:
     """The actions of an environment, labelled by looking ahead."""
 
-    def __init__(self, request: EnvRequest) -> None:
+    def __init__(self, request: EnvRequest, progress: Progress = unseen) -> None:
         """Load the domain and its program, and try whether it can be labelled.
+
+        `progress` shows how far what takes long is.
 
         Raises:
             UserError: it cannot be.
             PrologError: the bias is not a valid program.
         """
-        self._request = request
+        self._request, self._progress = request, progress
         self.bias: Final = StateBias.of(request.domain)
         self.named: Final = self.bias.named
         self.effort: Final = request.effort
@@ -107,14 +106,6 @@ class EnvironmentDomain:
             f"labelling {self._examples:,} actions in {self.named.name}, {means}, {domain.horizon} decisions "
             "ahead"
         )
-        told = 0.0
-
-        def progress(count: int) -> None:
-            nonlocal told
-            if count >= (told + _PROGRESS) * self._examples:
-                told = count / self._examples
-                tell(f"labelled {count:,} of {self._examples:,}")
-
         found = labelled_actions(
             self.named.name,
             self.way,
@@ -122,7 +113,7 @@ class EnvironmentDomain:
             folder,
             seed=self._request.seed,
             crew=self._request.crew,
-            progress=progress,
+            progress=lambda count: self._progress("labelling", count, self._examples),
         )
         left = ", ".join(f"{count:,} {why}" for why, count in sorted(found.left_out.items()))
         tell(
@@ -164,6 +155,7 @@ class EnvironmentDomain:
             episodes=self._episodes,
             seed=self._request.seed + number * ROUND_SEEDS,
             crew=self._request.crew,
+            progress=lambda count: self._progress("driving", count, self._episodes),
         )
         return Examined({self.named.name: asdict(found.counts)}, {}, found.bad, found.counts.unexplained)
 

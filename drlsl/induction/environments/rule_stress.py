@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -131,8 +131,11 @@ def rule_stress(
     episodes: int,
     seed: int,
     crew: Crew,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> RuleStress:
     """Return what happens in episodes from `seed` on, in blocks until a bad action is found.
+
+    `progress` is called with the number of episodes.
 
     Raises:
         UserError: the environment, or a function of the domain, raised an error.
@@ -143,6 +146,7 @@ def rule_stress(
     files = [*StateBias.of(name).own_files, rules]
     for part in in_order(crew.perform(drive, blocks, files=files)):
         total.add(part)
+        progress(total.counts.episodes)
         if total.bad:
             break
     return total

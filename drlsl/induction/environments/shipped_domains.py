@@ -18,8 +18,8 @@ from drlsl.shield.environments import (
     straight_road_facts,
 )
 
-
 _NOTHING: Final = {"type": "AttributesObservation", "attributes": []}
+"""An observation of highway-env without anything in it."""
 
 
 def _random_lake(seed: int) -> gymnasium.Env[Any, Any]:

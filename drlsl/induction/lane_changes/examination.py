@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from drlsl.driving import POLICIES, Counts, EnvConfig, stress
 from drlsl.driving.scene import Action, Scene, SceneBatch
 from drlsl.driving.shield import Shield
+from drlsl.induction.domain import Progress, unseen
 from drlsl.induction.lane_changes.labelled_changes import Changes
 from drlsl.induction.lane_changes.scene_bias import SIDES, Side
 from drlsl.shield import own_files
@@ -86,6 +87,7 @@ def stressed(
     crew: Crew = ALONE,
     whole: bool = False,
     tier: str = "auto",
+    progress: Progress = unseen,
 ) -> list[Stressed]:
     """Return what stress with `rules` finds on each recording, in blocks until something goes wrong.
 
@@ -104,6 +106,7 @@ def stressed(
         # A block that was begun before something went wrong in the one before does not count.
         if whole or found[part.recording].clean:
             found[part.recording] = found[part.recording].with_block(part)
+            progress(f"driving on {part.recording}", found[part.recording].counts.episodes, episodes)
     return list(found.values())
 
 
@@ -144,9 +147,15 @@ def _stressing(rules: Path, tier: str) -> Function[_Block, Stressed]:
 
 
 def examined(
-    rules: Path, properties: Sequence[Path], names: Sequence[str], *, crew: Crew = ALONE, attack: int = 0
+    rules: Path,
+    properties: Sequence[Path],
+    names: Sequence[str],
+    *,
+    crew: Crew = ALONE,
+    attack: int = 0,
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> list[Result]:
-    """Return the results of trying to prove the named properties of `rules`.
+    """Return the results of trying to prove the named properties of `rules`; `progress` as for `verify`.
 
     Raises:
         UserError: there is no such property, or no solver.
@@ -156,7 +165,7 @@ def examined(
     request = Request(
         rules=(rules,), properties=tuple(properties), only=tuple(names), crew=crew, attack=attack
     )
-    return verify(request).results
+    return verify(request, progress).results
 
 
 def broken_by(rules: Path, properties: Sequence[Path], result: Result) -> Iterator[BadChange]:

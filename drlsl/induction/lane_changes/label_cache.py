@@ -7,7 +7,7 @@ import io
 import json
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +22,7 @@ from drlsl.induction.lane_changes.labelled_changes import (
     WATCHED,
     Changes,
     Labelling,
-    label_changes,
+    labelled,
     labelling_shield,
 )
 from drlsl.traffic import Direction, Lane, Recording
@@ -31,10 +31,8 @@ from drlsl.version import __version__
 _BROKEN: Final = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 
 
-def cached_changes(
-    how: Labelling, bias: str, recording: Recording, *, progress: Callable[[int], None] = lambda _: None
-) -> Changes:
-    """Return what `label_changes` returns, from the cache folder if it was asked before.
+def cached_changes(how: Labelling, bias: str, recording: Recording) -> Generator[int, None, Changes]:
+    """Yield and return what `labelled` does, or return it at once from the cache folder if it is there.
 
     A damaged or unwritable file is a warning, and the lane changes are driven again.
     """
@@ -44,7 +42,7 @@ def cached_changes(
             return _read(path)
         except _BROKEN as error:
             warnings.warn(f"{path}: damaged cache file, labelled again ({error})", stacklevel=2)
-    changes = label_changes(how, bias, recording, progress=progress)
+    changes = yield from labelled(how, bias, recording)
     content = io.BytesIO()
     np.savez_compressed(content, **dict(_arrays(changes)))
     try:

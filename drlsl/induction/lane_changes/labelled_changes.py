@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal, TypeAlias
 
@@ -20,6 +20,7 @@ from drlsl.lowering.backends import compile_numpy
 from drlsl.lowering.frontend import Query, lower
 from drlsl.shield import consult_rules
 from drlsl.traffic import Integers, Mask, Recording
+from drlsl.workers import followed
 
 Label: TypeAlias = Literal["fault", "contact", "rss"]
 
@@ -91,12 +92,15 @@ class Labelling:
     egos: int = EGOS
 
 
-def label_changes(
-    how: Labelling, bias: str, recording: Recording, *, progress: Callable[[int], None] = lambda _: None
-) -> Changes:
+def label_changes(how: Labelling, bias: str, recording: Recording) -> Changes:
+    """Return what `labelled` returns at its end."""
+    return followed(labelled(how, bias, recording))
+
+
+def labelled(how: Labelling, bias: str, recording: Recording) -> Generator[int, None, Changes]:
     """Drive lane changes in a recording at random moments, and return those that got a label.
 
-    `progress` is called with the number of labelled ones. All is a function of the arguments.
+    Now and then their number is yielded. All is a function of the arguments.
 
     Raises:
         UserError, PrologError: the program cannot be used, or the recording has no gap to enter.
@@ -107,8 +111,7 @@ def label_changes(
     world = World(config, [playbacks] * how.egos, shield)
     critical = _critical_program(shield.engine) if how.label == "rss" else None
     drive = _LabelDrive(world, how, recording, critical)
-    for labelled in drive.run():
-        progress(labelled)
+    yield from drive.run()
     return drive.changes()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any, Final
 from drlsl.driving.scene import parse_scene, scene_json
 from drlsl.errors import UserError
 from drlsl.induction.clause_search import SECONDS
-from drlsl.induction.domain import Effort, Examined, Tell
+from drlsl.induction.domain import Effort, Examined, Progress, Tell, unseen
 from drlsl.induction.lane_changes.change_examples import ChangeExamples
 from drlsl.induction.lane_changes.examination import (
     BadChange,
@@ -61,14 +61,14 @@ class LearnRequest:
 class LaneChanges:
     """Lane changes in recorded traffic: a `Domain` in which properties are proved, too."""
 
-    def __init__(self, request: LearnRequest) -> None:
-        """Load the program.
+    def __init__(self, request: LearnRequest, progress: Progress = unseen) -> None:
+        """Load the program; `progress` shows how far what takes long is.
 
         Raises:
             UserError: a recording or a property is not there, or the program cannot be used.
             PrologError: it is not a valid program.
         """
-        self._request = request
+        self._request, self._progress = request, progress
         self.bias: Final = SceneBias(request.bias)
         self.form: Final = FORM
         self.effort: Final = Effort(request.clauses, request.literals, request.seconds, request.rounds)
@@ -88,7 +88,11 @@ class LaneChanges:
         request = self._request
         make = partial(_labelling, request.how, request.bias)
         tell(f"labelling {request.how.changes:,} lane changes in each of {', '.join(request.recordings)}")
-        found = in_order(request.crew.perform(make, request.recordings))
+
+        def heard(recording: str, count: int) -> None:
+            self._progress(f"labelling {recording}", count, request.how.changes)
+
+        found = in_order(request.crew.perform(make, request.recordings, heard=heard))
         parts = []
         for name, part in zip(request.recordings, found, strict=True):
             left = ", ".join(f"{count:,} {why}" for why, count in sorted(part.left_out.items()))
@@ -124,14 +128,21 @@ class LaneChanges:
         doubtful = [name for name in request.must if not known.get(name, "").startswith("proved")]
         if doubtful:
             tell(f"round {number}: proving {', '.join(doubtful)}")
-        results = examined(rules, request.properties, doubtful, crew=request.crew)
+        results = self._examined(rules, doubtful)
         driven: list[Stressed] = []
         if all(result.status != "refuted" for result in results):
             tell(f"round {number}: driving up to {request.episodes:,} episodes on each recording")
-            driven = stressed(rules, request.recordings, request.episodes, 1000 * number, crew=request.crew)
+            driven = stressed(
+                rules,
+                request.recordings,
+                request.episodes,
+                1000 * number,
+                crew=request.crew,
+                progress=self._progress,
+            )
             if all(one.clean for one in driven):
                 rest = [name for name in request.must if name not in doubtful]
-                results += examined(rules, request.properties, rest, crew=request.crew)
+                results += self._examined(rules, rest)
         bad = [one for result in results for one in self._broken(rules, result)]
         bad += [one for part in driven for one in part.bad]
         statuses = {result.name: result.status for result in results}
@@ -140,6 +151,16 @@ class LaneChanges:
             proofs={name: statuses.get(name, known.get(name, "not tried")) for name in request.must},
             bad=bad,
             unexplained=sum(one.unexplained for one in driven),
+        )
+
+    def _examined(self, rules: Path, names: Sequence[str]) -> list[Result]:
+        request = self._request
+        return examined(
+            rules,
+            request.properties,
+            names,
+            crew=request.crew,
+            progress=partial(self._progress, f"proving {', '.join(names)}"),
         )
 
     def _broken(self, rules: Path, result: Result) -> list[BadChange]:
@@ -178,6 +199,6 @@ class LaneChanges:
         return BadChange(parse_scene(json.dumps(values["scene"]), place), values["side"], values["origin"])
 
 
-def _labelling(how: Labelling, bias: str) -> Function[str, Changes]:
-    """Return the function that labels the lane changes of a recording."""
+def _labelling(how: Labelling, bias: str) -> Function[str, Generator[int, None, Changes]]:
+    """Return the function that labels the lane changes of a recording, and says how many have a label."""
     return lambda recording, _stop: cached_changes(how, bias, load_recording(recording))
