@@ -40,7 +40,7 @@ class SceneProgram:
         return answers, _numpy(result.undecided)
 
     def _facts(self, scenes: SceneBatch) -> dict[tuple[str, int], Any]:
-        if scenes.roads is not self._roads:
+        if scenes.roads != self._roads:
             self._roads, self._road_rows = scenes.roads, self._rows_of(scenes.roads)
         names = None
         if self._reads_names:
