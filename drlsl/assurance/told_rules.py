@@ -51,7 +51,7 @@ class ToldRules(TestedRules):
 
     @property
     def queries(self) -> Sequence[Query]:
-        """The queries of generated code: the actions offered, and the reasons against them, if there are any."""
+        """The queries of generated code: the actions offered, and the reasons against them, if any."""
         reasons = Query(self._why.name, self._why.arity, "all")
         known = self.engine.defines(reasons.name, reasons.arity)
         return (Query(self._ask.name, self._ask.arity, "set"), *([reasons] if known else ()))
