@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import repeat
+from operator import is_
 from typing import Any, Final
 
 import gymnasium
@@ -188,8 +190,8 @@ def _rows(info: Mapping[str, Any], places: Sequence[int]) -> list[dict[str, Any]
     In that of all, `_key` marks the environments that have `key`; a key without a mark is everyone's.
     """
     chosen = slice(None) if isinstance(places, range) else places
-    names: list[str] = []
-    columns: list[Sequence[Any]] = []
+    same: dict[str, Any] = {}
+    different: list[tuple[str, Sequence[Any]]] = []
     lacking: list[tuple[str, npt.NDArray[np.bool_]]] = []
     everyone: Any = None
     for name, column in info.items():
@@ -202,13 +204,20 @@ def _rows(info: Mapping[str, Any], places: Sequence[int]) -> list[dict[str, Any]
                 everyone = mark
             else:
                 lacking.append((name, mark[chosen]))
-        names.append(name)
-        columns.append(_rows(column, places) if isinstance(column, Mapping) else _values(column[chosen]))
-    rows = [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
+        values = _rows(column, places) if isinstance(column, Mapping) else _values(column[chosen])
+        # Most infos are the same in all environments nearly always, and a copy is made at once.
+        if all(map(is_, values, repeat(values[0]))):
+            same[name] = values[0]
+        else:
+            different.append((name, values))
+    rows = [same.copy() for _ in places]
+    for name, values in different:
+        for row, value in zip(rows, values, strict=True):
+            row[name] = value
     for name, there in lacking:
         for place in np.flatnonzero(~there).tolist():
             del rows[place][name]
-    return rows or [{} for _ in places]
+    return rows
 
 
 def _values(column: npt.NDArray[Any]) -> Sequence[Any]:
