@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from time import process_time
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import torch
@@ -68,15 +68,24 @@ def drive(envs: HighwayVectorEnv, rng: np.random.Generator, *, offered: bool) ->
     return process_time() - began
 
 
-def collect(model: MaskablePPO, passes: Passes) -> tuple[float, float]:
-    """Collect a rollout; return its processor time in seconds, with the passes of the policy and without."""
-    callback = ConvertCallback(None)
-    callback.init_callback(model)
-    assert model.env is not None
-    passes.seconds, began = 0.0, process_time()
-    model.collect_rollouts(model.env, callback, model.rollout_buffer, STEPS)
-    whole = process_time() - began
-    return whole, whole - passes.seconds
+class Collector:
+    """Collects rollouts of masked PPO; `infos` as in `Sb3VecEnv`."""
+
+    def __init__(self, envs: HighwayVectorEnv, infos: Literal["all", "ended"]) -> None:
+        self.infos = infos
+        self._model = MaskablePPO("MlpPolicy", Sb3VecEnv(envs, infos), n_steps=STEPS, seed=0, device="cpu")
+        self._passes = Passes(self._model.policy)
+        self._model.learn(1)  # the first rollout and update, not measured
+
+    def collect(self) -> tuple[float, float]:
+        """Collect a rollout; return its processor time [s], with the passes of the policy and without."""
+        model, callback = self._model, ConvertCallback(None)
+        callback.init_callback(model)
+        assert model.env is not None
+        self._passes.seconds, began = 0.0, process_time()
+        model.collect_rollouts(model.env, callback, model.rollout_buffer, STEPS)
+        whole = process_time() - began
+        return whole, whole - self._passes.seconds
 
 
 def measure(count: int, recording: str) -> None:
@@ -84,25 +93,26 @@ def measure(count: int, recording: str) -> None:
     free, masked = highways(count, "mask", recording=recording), highways(count, recording=recording)
     for envs in (free, masked):
         envs.reset(seed=0)
-    model = MaskablePPO(
-        "MlpPolicy", Sb3VecEnv(highways(count, recording=recording)), n_steps=STEPS, seed=0, device="cpu"
-    )
-    passes = Passes(model.policy)
-    model.learn(1)  # the first rollout and update, not measured
+    collectors = [Collector(highways(count, recording=recording), infos) for infos in ("all", "ended")]
     rng = np.random.default_rng(0)
     seconds = [
-        (drive(free, rng, offered=False), drive(masked, rng, offered=True), *collect(model, passes))
+        (
+            drive(free, rng, offered=False),
+            drive(masked, rng, offered=True),
+            *(second for one in collectors for second in one.collect()),
+        )
         for _ in range(ROLLOUTS)
     ]
     # Totals: an episode begins in all environments at once, so that some rollouts have far more ends.
     steps = ROLLOUTS * STEPS * count
-    random, offered, whole, without = (steps / sum(column) for column in zip(*seconds, strict=True))
+    random, offered, *found = (steps / sum(column) for column in zip(*seconds, strict=True))
     print(f"{count} environments of {recording}, steps per second of processor time over {steps:,} steps:")
     print(f"  random actions                 {random:10,.0f}")
     print(f"  random offered actions         {offered:10,.0f}")
-    print(f"  rollouts of masked PPO         {whole:10,.0f}")
-    print(f"  without the policy's passes    {without:10,.0f}", end="   ")
-    print(f"{without / random:.0%} of random actions, {without / offered:.0%} of random offered ones")
+    for one, whole, without in zip(collectors, found[::2], found[1::2], strict=True):
+        print(f"  masked PPO, infos={one.infos:<13}{whole:10,.0f}")
+        print(f"  without the policy's passes    {without:10,.0f}", end="   ")
+        print(f"{without / random:.0%} of random actions, {without / offered:.0%} of random offered ones")
 
 
 def train(count: int, steps: int) -> None:

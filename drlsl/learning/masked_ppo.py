@@ -76,7 +76,7 @@ class _Training:
         self._env = _Counted(config)
         self._model = require_masked_ppo().MaskablePPO(
             "MlpPolicy",
-            masks.Sb3VecEnv(self._env),
+            masks.Sb3VecEnv(self._env, infos="ended"),
             learning_rate=settings.learning_rate,
             n_steps=settings.steps,
             batch_size=settings.batch_size,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import repeat
 from operator import is_
-from typing import Any, Final
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 import gymnasium
 import numpy as np
@@ -23,6 +23,9 @@ except ModuleNotFoundError as error:
 
 _FINAL: Final = ("final_obs", "final_info")
 
+Infos: TypeAlias = Literal["all", "ended"]
+"""The environments of which a step tells: all, or those in which an episode ended."""
+
 
 class Sb3VecEnv(VecEnv):
     """A vector environment, in one process, as the `VecEnv` of Stable-Baselines3.
@@ -32,12 +35,17 @@ class Sb3VecEnv(VecEnv):
     attributes that Stable-Baselines3 asks for are those of the vector environment, one for all.
     """
 
-    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
+    def __init__(self, env: VectorEnv[Any, Any, Any], infos: Infos = "all") -> None:
         """Show `env`, whose episodes begin within the step that ends one: its autoreset mode is SAME_STEP.
 
+        With `infos="ended"` a step tells only of those environments in which an episode ended, and of the
+        others no more than that none was cut short: all that Stable-Baselines3 reads, and faster.
+
         Raises:
-            UserError: its autoreset mode is another.
+            UserError: its autoreset mode is another, or `infos` is.
         """
+        if infos not in get_args(Infos):
+            raise UserError(f"infos is {infos!r}; expected one of {', '.join(get_args(Infos))}")
         mode = AutoresetMode(env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP))
         if mode is not AutoresetMode.SAME_STEP:
             raise UserError(
@@ -45,6 +53,7 @@ class Sb3VecEnv(VecEnv):
                 f"SameStep: make the environment with autoreset_mode='SameStep'"
             )
         self.env: Final = env
+        self._infos: Final = infos
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._actions: npt.NDArray[Any] = np.zeros(0, dtype=np.int64)
 
@@ -77,11 +86,13 @@ class Sb3VecEnv(VecEnv):
         the first of the next episode, and its info is in `reset_infos`.
         """
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
-        infos = _rows(info, range(self.num_envs))
         over = np.asarray(terminated | truncated)
         ended = np.flatnonzero(over).tolist()
-        finals = _rows(info.get("final_info", {}), ended) if ended else []
-        for place, final in zip(ended, finals, strict=True):
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        told = range(self.num_envs) if self._infos == "all" else ended
+        for place, row in zip(told, _rows(info, told), strict=True):
+            infos[place] = row
+        for place, final in zip(ended, _rows(info.get("final_info", {}), ended), strict=True):
             self.reset_infos[place] = infos[place]
             # Wrappers add what they tell of an episode to the info of the step.
             infos[place] = infos[place] | final | {"terminal_observation": info["final_obs"][place]}
@@ -189,6 +200,8 @@ def _rows(info: Mapping[str, Any], places: Sequence[int]) -> list[dict[str, Any]
 
     In that of all, `_key` marks the environments that have `key`; a key without a mark is everyone's.
     """
+    if not places:
+        return []
     chosen = slice(None) if isinstance(places, range) else places
     same: dict[str, Any] = {}
     different: list[tuple[str, Sequence[Any]]] = []

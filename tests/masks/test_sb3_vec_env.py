@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import numpy as np
@@ -105,6 +105,35 @@ def test_what_some_tell_is_in_their_infos_alone() -> None:
     compare(ours, theirs, steps=40, ends=20)
 
 
+def test_with_ended_a_step_tells_only_of_episodes_that_ended() -> None:
+    makers = [lambda start=start: Sometimes(start) for start in range(3)]
+    everyone, ended = (
+        Sb3VecEnv(Together(makers, autoreset_mode=SAME_STEP), told) for told in ("all", "ended")
+    )
+    rng = np.random.default_rng(5)
+    assert_same(everyone.reset(), ended.reset())
+    count = 0
+    for _ in range(40):
+        actions = rng.integers(3, size=3)
+        wanted, got = everyone.step(actions), ended.step(actions)
+        for left, right in zip(wanted[:3], got[:3], strict=True):
+            assert_same(left, right)
+        over = wanted[2].tolist()
+        assert_infos_same(
+            got[3],
+            [
+                info if is_over else {"TimeLimit.truncated": False}
+                for info, is_over in zip(wanted[3], over, strict=True)
+            ],
+        )
+        for place in np.flatnonzero(over).tolist():
+            assert_same(everyone.reset_infos[place], ended.reset_infos[place])
+            count += 1
+    assert count >= 20
+    with pytest.raises(UserError, match=r"infos is 'last'; expected one of all, ended"):
+        Sb3VecEnv(Together(makers, autoreset_mode=SAME_STEP), "last")  # type: ignore[arg-type]  # a misspelt one
+
+
 def test_other_autoreset_modes_are_refused() -> None:
     for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
         with pytest.raises(
@@ -155,17 +184,16 @@ def assert_logged(env: Any) -> None:
     assert [(one["r"], one["l"]) for one in model.ep_info_buffer or []] == [(5.0, 5)] * 4
 
 
-def trained(shield: Shield) -> tuple[MaskablePPO, NDArray[np.float32]]:
+def trained(shield: Shield, infos: Literal["all", "ended"]) -> tuple[MaskablePPO, NDArray[np.float32]]:
     """Masked PPO after two updates on 64 environments that refuse what was not offered; its weights."""
-    model = MaskablePPO(
-        "MlpPolicy", highways(shield, 64, mode="raise"), n_steps=16, batch_size=256, n_epochs=2, seed=3
-    )
+    env = Sb3VecEnv(highways(shield, 64, mode="raise").env, infos)
+    model = MaskablePPO("MlpPolicy", env, n_steps=16, batch_size=256, n_epochs=2, seed=3)
     model.learn(2 * 64 * 16)
     return model, np.concatenate([one.detach().numpy().ravel() for one in model.policy.parameters()])
 
 
 def test_masked_ppo_trains_on_64_in_one_process(shield: Shield) -> None:
-    (model, weights), (_, again) = trained(shield), trained(shield)
+    (model, weights), (_, again) = trained(shield, "all"), trained(shield, "ended")
     assert model.num_timesteps == 2 * 64 * 16
     assert np.array_equal(weights, again)
     untrained = MaskablePPO("MlpPolicy", highways(shield, 1), seed=3).policy.parameters()
