@@ -65,6 +65,8 @@ def _check_offers(engine: Engine, files: Sequence[Path]) -> None:
     """Report on rules for `LogicShield`: what a table beside them tells of their facts is known of them."""
     from drlsl.assurance import load_told_rules
     from drlsl.lowering import Schema, check_program, find_mistakes
+    from drlsl.lowering.frontend import lower
+    from drlsl.lowering.ir import NotLowerable
 
     facts = [f"{name}/{arity}" for name, arity in engine.predicates() if engine.is_dynamic(name, arity)]
     print(
@@ -78,6 +80,10 @@ def _check_offers(engine: Engine, files: Sequence[Path]) -> None:
     else:
         report = check_program(engine, told.schema, told.queries)
         _print_report(report)
+        try:
+            _source(Tier.NUMPY, lower(engine, told.schema, told.queries[:1]))
+        except NotLowerable as reason:
+            print(f"\nmany states are decided one at a time, not in arrays\n  {reason}")
         _print_findings(report.findings)
 
 

@@ -163,9 +163,12 @@ def test_a_table_of_facts_tells_the_tiers_of_rules_for_other_environments(
     assert run(["rules", "check", str(rules)]) == 0
     out = capsys.readouterr().out
     assert "5 of 5 predicates run in every tier" in out
+    assert "one at a time" not in out
     assert "no table of facts" not in out
     assert run(["rules", "check", str(ENVIRONMENTS / "frozen_lake.pl")]) == 0
     assert "sure_ground/1" in capsys.readouterr().out.partition("interpreter only: ")[2]
+    assert run(["rules", "check", str(ENVIRONMENTS / "crossing.pl")]) == 0
+    assert "one at a time, not in arrays\n  offered/1" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("tier", ["scalar", "numpy", "numba"])
