@@ -96,7 +96,7 @@ def test_rules_are_learnt_from_all_of_a_data_set(data_set: Path, monkeypatch: py
 
     asked: list[Any] = []
 
-    def refuse(request: Any) -> Any:
+    def refuse(request: Any, _progress: Any) -> Any:
         asked.append(request)
         raise UserError("no more")
 
