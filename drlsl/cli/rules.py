@@ -73,10 +73,14 @@ def _check_offers(engine: Engine, files: Sequence[Path]) -> None:
         "rules for LogicShield: offered/1 says which actions are offered; nothing is asked that driving asks"
     )
     print(f"facts: {', '.join(sorted(facts)) or 'none'}")
+    mistakes = find_mistakes(engine, Schema(()))
+    if any(finding.error for finding in mistakes):
+        _print_findings(mistakes)  # a shield refuses such a program, and so does its table
+        return
     told = load_told_rules(files)
     if told is None:
         print("no table of facts beside them tells the kinds of their columns: see drlsl rules test")
-        _print_findings(find_mistakes(engine, Schema(())))
+        _print_findings(mistakes)
     else:
         report = check_program(engine, told.schema, told.queries)
         _print_report(report)

@@ -165,6 +165,10 @@ def test_a_table_of_facts_tells_the_tiers_of_rules_for_other_environments(
     assert "5 of 5 predicates run in every tier" in out
     assert "one at a time" not in out
     assert "no table of facts" not in out
+    with rules.open("a", encoding="utf-8") as file:
+        file.write("slip :- thinng(_, _, lava).\n")
+    assert run(["rules", "check", str(rules)]) == 1  # findings, although a shield would refuse the program
+    assert "thinng/3 is not defined; did you mean thing/3?" in capsys.readouterr().out
     assert run(["rules", "check", str(ENVIRONMENTS / "frozen_lake.pl")]) == 0
     assert "sure_ground/1" in capsys.readouterr().out.partition("interpreter only: ")[2]
     assert run(["rules", "check", str(ENVIRONMENTS / "crossing.pl")]) == 0
