@@ -8,7 +8,7 @@ from typing import Any, Final, TypeAlias
 from drlsl.lowering.backends.answer_lists import AnswerLists, roots_of
 from drlsl.lowering.backends.expressions import ATOMIC, CHOICE, COMPARISON, is_lookup, lookup_value
 from drlsl.lowering.backends.python_text import PythonLoops
-from drlsl.lowering.backends.scalar_support import SUPPORT, Facts, blank_row
+from drlsl.lowering.backends.scalar_support import SUPPORT, Facts, blank_row, row_reader
 from drlsl.lowering.frontend import Lowered
 from drlsl.lowering.ir import (
     Names,
@@ -75,10 +75,10 @@ class _Printer(PythonLoops, AnswerLists):
                 self._relation(relation, columns[relation])
 
     def _relation(self, relation: Relation, used: list[int]) -> None:
-        constant = self.names.new(relation.name).upper()
-        self.constants[constant] = relation
+        read = self.names.new(f"read_{relation.name}")
+        self.constants[read] = row_reader(relation, used)
         rows = self.names.new(f"{relation.name}_rows")
-        self.write(f"{rows} = checked_rows(facts, {constant}, {tuple(used)})")
+        self.write(f"{rows} = {read}(facts)")
         self.known[self.pool.make("facts", "rows", (), relation)] = rows
         if self.pool.make("row", "index", (), relation) in self.reached:
             row = self.pool.make("row", "index", (), relation)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from operator import itemgetter
 from typing import Any, Final, TypeAlias
 
 from drlsl.logic import Compound, String
@@ -16,13 +18,54 @@ Facts: TypeAlias = Mapping[tuple[str, int], Sequence[Row]]
 _absolute: Final = float.__abs__  # refuses everything but floats
 
 
-def checked_rows(facts: Facts, relation: Relation, used: Sequence[int]) -> Sequence[Row]:
-    """Return the rows of a relation, if their used columns conform to the schema.
+def row_reader(relation: Relation, used: Sequence[int]) -> Callable[[Facts], Sequence[Row]]:
+    """Return the function that gives the rows of a relation, if their used columns conform to the schema.
 
-    Raises:
-        Undecided: they do not.
+    It raises `Undecided` if they do not.
     """
-    rows = facts.get((relation.name, relation.arity), ())
+    key, conform = (relation.name, relation.arity), _quick_check(relation, used)
+
+    def read(facts: Facts) -> Sequence[Row]:
+        rows = facts.get(key, ())
+        return rows if conform(rows) else _checked_rows(rows, relation, used)
+
+    return read
+
+
+def _quick_check(relation: Relation, used: Sequence[int]) -> Callable[[Sequence[Row]], bool]:
+    """Return a test of rows: nearly all that conform to the schema pass, and none that do not."""
+    single, first, key, lengths = relation.single, relation.first, relation.key, {relation.arity}
+    floats = _values_at([place for place in used if relation.columns[place] == "float"])
+    others = [
+        (itemgetter(place), relation.columns[place]) for place in used if relation.columns[place] != "float"
+    ]
+
+    def conform(rows: Sequence[Row]) -> bool:
+        try:
+            if not rows:
+                return not single and first is None
+            return (
+                not (single and len(rows) > 1)
+                and set(map(len, rows)) == lengths
+                and (key is None or len({row[key] for row in rows}) == len(rows))
+                and (first is None or rows[0][key or 0] == first)
+                and sum(map(_absolute, chain.from_iterable(map(floats, rows)))) <= FLOAT_BOUND
+                and (not others or all(_is_sound([*map(value, rows)], kind) for value, kind in others))
+            )
+        except (TypeError, ValueError):
+            return False
+
+    return conform
+
+
+def _values_at(places: Sequence[int]) -> Callable[[Row], Sequence[Any]]:
+    """Return the function that takes the values of some columns out of a row."""
+    if len(places) == 1:
+        return itemgetter(slice(places[0], places[0] + 1))
+    return itemgetter(*places) if places else itemgetter(slice(0))
+
+
+def _checked_rows(rows: Sequence[Row], relation: Relation, used: Sequence[int]) -> Sequence[Row]:
     try:
         return _checked(rows, relation, used)
     except TypeError:  # an integer in a column of floats, or an impossible value
@@ -69,7 +112,6 @@ SUPPORT: Final[dict[str, Any]] = {
     "Compound": Compound,
     "String": String,
     "Undecided": Undecided,
-    "checked_rows": checked_rows,
     "inf": math.inf,
     "nan": math.nan,
     "sqrt": math.sqrt,

@@ -49,10 +49,11 @@ def straight_road_facts(world: Any) -> Facts:
     """Return the facts of the present state of an environment of highway-env."""
     ego, road = world.vehicle, world.road
     period = 1.0 / world.config["policy_frequency"]
+    here = ego.position.item(0)
     seen = [
         (number, thing)
         for number, thing in enumerate([*road.vehicles, *road.objects])
-        if thing is not ego and abs(thing.position[0] - ego.position[0]) <= SIGHT
+        if thing is not ego and abs(thing.position.item(0) - here) <= SIGHT
     ]
     speeds = ego.target_speeds.tolist()
     return {
