@@ -23,7 +23,7 @@ from drlsl.traffic.recording import Recording
 from drlsl.traffic.recording_facts import facts_of, recording_from
 from drlsl.traffic.source import Source
 
-LOADER_VERSION = 6
+LOADER_VERSION = 7
 """Version of the cache: raise it whenever a loader reads the same files differently or the layout changes."""
 
 SAMPLE = 1 << 16
@@ -38,7 +38,7 @@ SUM = 8
 HEAD = 64
 """Bytes before the first array; the facts are filled up to a multiple, so that numbers lie where they may."""
 
-ARRAYS = ("motion", "piece", "pieces")
+ARRAYS = ("cells", "pieces")
 """The arrays of a film, in the order of the file."""
 
 BROKEN = (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError)

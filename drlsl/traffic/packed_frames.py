@@ -24,6 +24,9 @@ NO_VEHICLE: Final = -1
 OFF_LANE: Final = 0
 """The lane of a vehicle whose centre is in none of the recording's lanes: ramp, shoulder, median."""
 
+PIECE: Final = 4
+"""The column of a film's `cells` behind those of the motion: the row of `pieces`."""
+
 VEHICLE, LANE, FIRST, LENGTH, WIDTH = range(5)
 """The columns of `Film.pieces`."""
 
@@ -68,25 +71,25 @@ Words: TypeAlias = npt.NDArray[np.int32]
 class Film:
     """The frames of a recording, 20 bytes a frame and slot; slot 0 is empty: the ego's place in scenes.
 
-    `motion` (F, 4, S): x, y [`UNIT` m], vx and vy [`UNIT` m/s] of the vehicle in a slot, 0 in an empty one.
-    `piece` (F, S): its row of `pieces`. A piece is a part of an unbroken track in one lane and of one size;
-    `pieces` (P, 5) has its vehicle, lane, first frame of the track, and length and width [`UNIT` m].
+    `cells` (F, 5, S): x, y [`UNIT` m], vx and vy [`UNIT` m/s] of the vehicle in a slot, and its row of
+    `pieces`; 0 in an empty slot. All of a frame lies together, so that to read it is to go to one place in
+    memory. A piece is a part of an unbroken track in one lane and of one size; `pieces` (P, 5) has its
+    vehicle, lane, first frame of the track, and length and width [`UNIT` m].
 
     The arrays are read-only, and may be a file in memory that all processes share.
     """
 
-    motion: Words
-    piece: Words
+    cells: Words
     pieces: Words
 
     def __post_init__(self) -> None:
-        for name in ("motion", "piece", "pieces"):
+        for name in ("cells", "pieces"):
             view = np.asarray(getattr(self, name)).view()
             view.setflags(write=False)
             object.__setattr__(self, name, view)
 
     def __len__(self) -> int:
-        return int(self.piece.shape[0])
+        return int(self.cells.shape[0])
 
     def __deepcopy__(self, memo: object) -> Self:
         """Return the film itself: it is never written to."""
@@ -95,7 +98,17 @@ class Film:
     @property
     def slots(self) -> int:
         """Number of slots, S: one more than the most vehicles in one frame."""
-        return int(self.piece.shape[1])
+        return int(self.cells.shape[2])
+
+    @property
+    def motion(self) -> Words:
+        """The first four columns of `cells`; shape (F, 4, S)."""
+        return self.cells[:, :PIECE]
+
+    @property
+    def piece(self) -> Words:
+        """The row of `pieces` of the vehicle in a slot, 0 in an empty one; shape (F, S)."""
+        return self.cells[:, PIECE]
 
     @cached_property
     def frames(self) -> Frames:
@@ -147,8 +160,9 @@ class Film:
         return int(self.pieces[self.piece[frame, slot], VEHICLE])
 
     def with_lane(self, inside: Mask, lane: int) -> Film:
-        """Return a film in which the vehicles in the slots `inside`, shape (F, S), are in another lane."""
+        """Return a copy in which the vehicles in the slots `inside`, shape (F, S), are in another lane."""
         other = self.pieces.copy()
         other[:, LANE] = lane
-        piece = np.where(inside, self.piece + len(self.pieces), self.piece)
-        return Film(self.motion, piece, np.concatenate([self.pieces, other]))
+        cells = self.cells.copy()
+        cells[:, PIECE] += inside * np.int32(len(self.pieces))
+        return Film(cells, np.concatenate([self.pieces, other]))

@@ -18,6 +18,7 @@ from drlsl.traffic.packed_frames import (
     NO_VEHICLE,
     NOBODY,
     OFF_LANE,
+    PIECE,
     UNIT,
     VEHICLE,
     Film,
@@ -176,10 +177,9 @@ def _merging_lane_problems(recording: Recording) -> Iterator[str]:
 
 
 def _shape_problems(film: Film) -> Iterator[str]:
-    count, slots = film.piece.shape
-    if film.motion.shape != (count, 4, slots):
-        yield f"`motion` has shape {film.motion.shape}, expected {(count, 4, slots)}"
-    for name in ("motion", "piece", "pieces"):
+    if film.cells.ndim != 3 or film.cells.shape[1] != PIECE + 1:
+        yield f"`cells` has shape {film.cells.shape}, expected (F, {PIECE + 1}, S)"
+    for name in ("cells", "pieces"):
         if getattr(film, name).dtype != np.int32:
             yield f"`{name}` is of {getattr(film, name).dtype}, expected int32"
     if film.pieces.shape[1:] != (len(NOBODY),) or film.pieces[0].tolist() != list(NOBODY):

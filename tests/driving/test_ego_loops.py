@@ -16,7 +16,7 @@ from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, World, ego_loops, egos, in_direction, playbacks_of, world
 from drlsl.driving.simulation.reward import TERMS
 from drlsl.lowering.backends import machine_code
-from drlsl.traffic import load_recording
+from drlsl.traffic import PIECE, load_recording
 
 KERNELS = (ego_loops.steer, ego_loops.find_targets, ego_loops.drive, ego_loops.look, ego_loops.finish)
 
@@ -27,6 +27,7 @@ class Drawn:
     def __init__(self, seed: int, egos: int, lanes: int, slots: int) -> None:
         self.rng = np.random.default_rng(seed)
         self.egos, self.lanes, self.slots, self.rows, self.memory = egos, lanes, slots, 7, 4
+        self.own_slots = self.integers(1, slots + 1, egos)
 
     def floats(self, low: float, high: float, *shape: int) -> Any:
         # Coarse, so that bounds are met exactly, too.
@@ -38,11 +39,22 @@ class Drawn:
     def words(self, low: int, high: int, count: int) -> Any:
         return self.rng.integers(low, high, count, dtype=np.int32)
 
+    def films(self) -> tuple[Any, Any]:
+        """The cells of a film for each ego, one behind the other, and the places where these begin."""
+        films, begins = [self.words(0, 9, 3)], []
+        for own in self.own_slots.tolist():
+            begins.append(sum(map(len, films)))
+            film = self.words(-60_000, 60_000, self.rows * (PIECE + 1) * own).reshape(-1, PIECE + 1, own)
+            film[:, PIECE] = self.words(0, 4, self.rows * own).reshape(-1, own)
+            films.append(film.reshape(-1))
+        return np.concatenate(films), np.array(begins)
+
     def mask(self, *shape: int) -> Any:
         return self.rng.random(shape) < 0.5
 
     def arguments(self, names: tuple[str, ...]) -> list[Any]:
         n = self.egos
+        cells, begins = self.films()
         whole: dict[str, Callable[[], Any]] = {
             "actions": lambda: self.integers(0, 3, n),
             "places": lambda: self.rng.permutation(n),
@@ -54,10 +66,9 @@ class Drawn:
             "dt": lambda: self.rng.choice([0.04, 0.1], n),
             "frame": lambda: self.integers(0, 9, n),
             "frames": lambda: self.integers(1, self.rows + 1, n),
-            "motion_begin": lambda: np.full(n, 3),
-            "piece_begin": lambda: self.integers(0, 3, n),
+            "cells_begin": lambda: begins,
             "first_piece": lambda: self.integers(0, 3, n),
-            "own_slots": lambda: self.integers(1, self.slots + 1, n),
+            "own_slots": lambda: self.own_slots,
             "kept": lambda: self.integers(1, 6, n),
             "playback": lambda: self.integers(0, 2, n),
             "track_length": lambda: self.floats(1.0, 50.0, 2),
@@ -69,8 +80,7 @@ class Drawn:
             "weights": lambda: self.floats(-2.0, 2.0, 9),
             "terms": lambda: self.rng.permutation(len(TERMS)),
             "tracks": lambda: self.floats(-30.0, 30.0, self.memory, 3, n),
-            "motion": lambda: self.words(-60_000, 60_000, 3 + 4 * self.rows * self.slots),
-            "piece": lambda: self.words(0, 4, 3 + self.rows * self.slots),
+            "cells": lambda: cells,
             "table": lambda: self.words(-1, 60_000, 40).reshape(8, 5),
             "centre": lambda: self.floats(-6.0, 6.0, n, self.lanes),
             "width": lambda: self.floats(2.0, 4.0, n, self.lanes),
@@ -84,7 +94,7 @@ class Drawn:
             "ended": lambda: self.mask(n),
             "touching": lambda: self.mask(n, self.slots),
         }
-        if "motion" in names:
+        if "cells" in names:
             shape = n, self.slots
             whole |= {
                 "numbers": lambda: np.zeros((6, *shape)),

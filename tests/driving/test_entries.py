@@ -95,7 +95,7 @@ def test_machine_code_writes_the_same_scenes(frames: list[int]) -> None:
     entries = entries_of("highway-test", "road", 1)
     films, wanted = entries._films, np.array(frames)
     found = [np.full((len(frames), films.slots), -1) for _ in range(2)]
-    given_first = wanted, films.motion, films.piece, *entries._seen
+    given_first = wanted, films.cells, *entries._seen
     most = [
         one(*given_first, array) for one, array in zip(both(entry_loops.slots_between), found, strict=True)
     ]
@@ -112,8 +112,7 @@ def test_machine_code_writes_the_same_scenes(frames: list[int]) -> None:
         ]
         function(
             wanted,
-            films.motion,
-            films.piece,
+            films.cells,
             films.table,
             found[0],
             entries._x,

@@ -169,9 +169,9 @@ def test_who_drove_where_is_part_of_the_state() -> None:
 def test_who_need_not_brake_does_not_leave_the_record() -> None:
     # Recorded speeds jump up and down as measured ones do; the ego is as fast, and far ahead.
     made = recording([Drive(4, 0.0, 20.0), Drive(1, 200.0, 0.0)], frames=200)
-    motion = made.film.motion.copy()
-    motion[::2, 2] += 5000 * (motion[::2, 2] > 0)
-    made = replace(made, film=replace(made.film, motion=motion))
+    cells = made.film.cells.copy()
+    cells[::2, 2] += 5000 * (cells[::2, 2] > 0)
+    made = replace(made, film=replace(made.film, cells=cells))
     one = world(made, creeping(20.0, 4), "reactive")
     assert one._reactive is not None
     for _ in range(100):
@@ -183,9 +183,9 @@ def test_who_need_not_brake_does_not_leave_the_record() -> None:
 def test_nobody_is_ahead_of_the_record(begin: int) -> None:
     # Recorded places jump to and fro as measured ones do.
     made = recording([Drive(4, 0.0, 25.0), Drive(1, 200.0, 0.0)], frames=450)
-    motion = made.film.motion.copy()
-    motion[begin::2, 0, 1:] += 20_000
-    made = replace(made, film=replace(made.film, motion=motion))
+    cells = made.film.cells.copy()
+    cells[begin::2, 0, 1:] += 20_000
+    made = replace(made, film=replace(made.film, cells=cells))
     one = world(made, creeping(15.0, 4), "reactive")
     assert one._reactive is not None
     lags = []

@@ -178,9 +178,7 @@ def test_how_long_an_episode_is_and_where_it_may_begin(
 
 def repeated(film: Film, frames: int) -> Film:
     """The first frame of a film, again and again."""
-    return Film(
-        np.repeat(film.motion[:1], frames, axis=0), np.repeat(film.piece[:1], frames, axis=0), film.pieces
-    )
+    return Film(np.repeat(film.cells[:1], frames, axis=0), film.pieces)
 
 
 @pytest.mark.parametrize("name", ["overtake-train", "overtake-test", "overtake-dense-test"])

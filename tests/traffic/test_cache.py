@@ -63,23 +63,23 @@ def test_a_loaded_recording_is_the_file_itself(folder: Path, cache_folder: Path)
     """Its pages are shared by processes, and stay when another process replaces or removes the file."""
     for _ in range(2):
         film = load_recording(folder).film
-        for name in ("motion", "piece", "pieces"):
+        for name in ("cells", "pieces"):
             array = getattr(film, name)
             while isinstance(array, np.ndarray):
                 array = array.base
             assert isinstance(array.obj, mmap.mmap), name
-    before = film.motion.copy()
+    before = film.cells.copy()
     (path,) = (cache_folder / FOLDER).iterdir()
     path.unlink()
     load_recording(folder)
-    assert np.array_equal(film.motion, before)
+    assert np.array_equal(film.cells, before)
 
 
 def test_processes_that_load_at_once_do_not_disturb_each_other(folder: Path, cache_folder: Path) -> None:
     code = (
         "import sys, hashlib; from drlsl.traffic import load_recording; "
         f"film = load_recording({str(folder)!r}).film; "
-        "print(hashlib.sha256(film.motion.tobytes() + film.piece.tobytes()).hexdigest())"
+        "print(hashlib.sha256(film.cells.tobytes()).hexdigest())"
     )
     started = [
         subprocess.Popen([sys.executable, "-W", "error", "-c", code], stdout=subprocess.PIPE, text=True)

@@ -11,7 +11,7 @@ import pytest
 
 from drlsl.errors import UserError
 from drlsl.traffic import Direction, Lane, Recording, Tracks, VehicleClass, lanes_of_rows, pack
-from drlsl.traffic.packed_frames import FIRST, LANE, LENGTH, NO_VEHICLE, VEHICLE, WIDTH, Film
+from drlsl.traffic.packed_frames import FIRST, LANE, LENGTH, NO_VEHICLE, PIECE, VEHICLE, WIDTH, Film
 
 LANES = (
     Lane(1, Direction.RIGHT_TO_LEFT, 2.0, 4.0, 36.0),
@@ -92,7 +92,7 @@ def broken(name: str, where: Any, value: Any) -> Recording:
 
 def nobody() -> Film:
     film = make().film
-    return Film(np.zeros_like(film.motion), np.zeros_like(film.piece), film.pieces)
+    return Film(np.zeros_like(film.cells), film.pieces)
 
 
 FAULTS: dict[str, tuple[Callable[[], Recording], str]] = {
@@ -111,27 +111,27 @@ FAULTS: dict[str, tuple[Callable[[], Recording], str]] = {
         "2 and 3 overlap",
     ),
     "shape": (
-        lambda: replace(make(), film=replace(make().film, motion=np.zeros((4, 3, 3), dtype=np.int32))),
-        "`motion` has shape",
+        lambda: replace(make(), film=replace(make().film, cells=np.zeros((4, 4, 3), dtype=np.int32))),
+        "`cells` has shape",
     ),
     "kind": (
-        lambda: replace(make(), film=replace(make().film, piece=make().film.piece.astype(np.int64))),
-        "`piece` is of int64",
+        lambda: replace(make(), film=replace(make().film, cells=make().film.cells.astype(np.int64))),
+        "`cells` is of int64",
     ),
     "columns": (
         lambda: replace(make(), film=replace(make().film, pieces=make().film.pieces[:, :4])),
         "rows of 5 numbers",
     ),
     "nobody": (lambda: broken("pieces", (0, VEHICLE), 3), "rows of 5 numbers, the first"),
-    "no such piece": (lambda: broken("piece", (0, 1), 9), "`piece` must be a row of the 4"),
-    "hidden value": (lambda: broken("motion", (0, 0, 2), 5), "the numbers in empty slots 0"),
-    "in the ego's place": (lambda: broken("piece", (0, 0), 1), "slot 0 must be empty"),
+    "no such piece": (lambda: broken("cells", (0, PIECE, 1), 9), "`piece` must be a row of the 4"),
+    "hidden value": (lambda: broken("cells", (0, 0, 2), 5), "the numbers in empty slots 0"),
+    "in the ego's place": (lambda: broken("cells", (0, PIECE, 0), 1), "slot 0 must be empty"),
     "vehicle": (lambda: broken("pieces", (1, VEHICLE), -7), "id must be at least 0"),
     "length": (lambda: broken("pieces", (1, LENGTH), 0), "length and width"),
     "width": (lambda: broken("pieces", (3, WIDTH), -1), "length and width"),
     "lane": (lambda: broken("pieces", (1, LANE), 4), "lanes 1 to 3"),
-    "outside": (lambda: broken("motion", (0, 0, 1), 1_010_000), "outside"),
-    "twice": (lambda: broken("piece", (1, 2), 1), "7|9|twice"),
+    "outside": (lambda: broken("cells", (0, 0, 1), 1_010_000), "outside"),
+    "twice": (lambda: broken("cells", (1, PIECE, 2), 1), "7|9|twice"),
     "first": (lambda: broken("pieces", (1, FIRST), 1), "`first` does not match"),
     "empty": (lambda: replace(make(), film=nobody()), "no vehicle"),
     "class missing": (lambda: replace(make(), vehicle_class={7: VehicleClass.CAR}), r"ids \[9\]"),

@@ -24,7 +24,7 @@ from drlsl.lowering.backends import (
     Words2,
     prefetch,
 )
-from drlsl.traffic import LANE, LENGTH, UNIT, VEHICLE, WIDTH
+from drlsl.traffic import LANE, LENGTH, PIECE, UNIT, VEHICLE, WIDTH
 
 NO_ONE: Final = -1
 
@@ -190,16 +190,14 @@ def drive(
 
 def look(
     places: Integers1,
-    motion: Words1,
-    piece: Words1,
+    cells: Words1,
     table: Words2,
     x: Floats1,
     y: Floats1,
     speed: Floats1,
     vy: Floats1,
     frame: Integers1,
-    motion_begin: Integers1,
-    piece_begin: Integers1,
+    cells_begin: Integers1,
     first_piece: Integers1,
     frames: Integers1,
     own_slots: Integers1,
@@ -219,37 +217,35 @@ def look(
 ) -> bool:
     """Write the scenes around egos, shape (P, S), and which vehicles touch them; return whether any does.
 
-    `motion`, `piece` and `table` are those of `Films`. `lag` and `lag_speed` (N, S) are
-    those of traffic that reacts, or of no rows.
+    `cells` and `table` are those of `Films`. `lag` and `lag_speed` (N, S) are those of traffic that reacts,
+    or of no rows.
     """
     slots, numbers_of_table = valid.shape[1], table.reshape(table.shape[0] * table.shape[1])
     any_touches = False
     for place in range(len(places)):
         if place + FETCHED < len(places):
             later = places[place + FETCHED]
-            row, own = min(frame[later], frames[later] - 1), own_slots[later]
-            begin = motion_begin[later] + 4 * row * own
-            prefetch(motion, begin, begin + 4 * own)
-            begin = piece_begin[later] + row * own
-            prefetch(piece, begin, begin + own)
+            size = (PIECE + 1) * own_slots[later]
+            begin = cells_begin[later] + min(frame[later], frames[later] - 1) * size
+            prefetch(cells, begin, begin + size)
         if len(table) > LARGE and place + PIECES_FETCHED < len(places):
             later = places[place + PIECES_FETCHED]
-            begin = piece_begin[later] + min(frame[later], frames[later] - 1) * own_slots[later]
-            least, last = pieces_between(piece, begin, begin + own_slots[later])
+            own = own_slots[later]
+            begin = cells_begin[later] + min(frame[later], frames[later] - 1) * (PIECE + 1) * own
+            least, last = pieces_between(cells, begin + PIECE * own, begin + (PIECE + 1) * own)
             least, last = first_piece[later] + least, first_piece[later] + last
             prefetch(numbers_of_table, table.shape[1] * least, table.shape[1] * (last + 1))
         ego = places[place]
-        row, own = min(frame[ego], frames[ego] - 1), own_slots[ego]
-        for column in range(4):
+        own = own_slots[ego]
+        begin = cells_begin[ego] + min(frame[ego], frames[ego] - 1) * (PIECE + 1) * own
+        for column in range(PIECE):
             # Parts of an array, since loops over whole ones with an offset are compiled to slower code.
-            begin = motion_begin[ego] + (4 * row + column) * own
-            moves = motion[begin : begin + own]
+            moves = cells[begin + column * own : begin + (column + 1) * own]
             for slot in range(own):
                 numbers[column, place, slot] = moves[slot] * UNIT
             for slot in range(own, slots):
                 numbers[column, place, slot] = 0.0
-        begin = piece_begin[ego] + row * own
-        pieces, first = piece[begin : begin + own], first_piece[ego]
+        pieces, first = cells[begin + PIECE * own : begin + (PIECE + 1) * own], first_piece[ego]
         for slot in range(slots):
             # Slots that a film does not have are empty, as its slot 0 is.
             at = first + (pieces[slot] if slot < own else 0)

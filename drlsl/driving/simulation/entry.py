@@ -182,15 +182,14 @@ class Entries:
         """Return the scenes with the ego at every place in some frames, and its speed there, shape (F, P)."""
         films, road = self._films, self._playback.road
         found = np.empty((len(frames), films.slots), dtype=np.int64)
-        most = machine_code(slots_between)(frames, films.motion, films.piece, *self._seen, found)
+        most = machine_code(slots_between)(frames, films.cells, *self._seen, found)
         shape = len(frames) * len(self._x), most
         numbers, whole = np.empty((len(NUMBERS), *shape)), np.empty((2, *shape), dtype=np.int64)
         (vehicle, lane), valid = whole, np.empty(shape, dtype=np.bool_)
         speed = np.empty(shape[0])
         machine_code(entry_scenes)(
             frames,
-            films.motion,
-            films.piece,
+            films.cells,
             films.table,
             found,
             self._x,

@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 
 from drlsl.lowering.backends import Floats1, Floats3, Integers1, Integers2, Mask2, Words1, Words2
-from drlsl.traffic import LANE, LENGTH, UNIT, VEHICLE, WIDTH
+from drlsl.traffic import LANE, LENGTH, PIECE, UNIT, VEHICLE, WIDTH
 
 
-def slots_between(
-    frames: Integers1, motion: Words1, piece: Words1, low: float, high: float, found: Integers2
-) -> int:
+def slots_between(frames: Integers1, cells: Words1, low: float, high: float, found: Integers2) -> int:
     """Write the slots of the vehicles with an x from `low` to `high` [m] in some frames of one film.
 
-    `motion` and `piece` are those of `Films`. `found` is of shape (F, S): in a frame column 0 is for the ego,
+    `cells` are those of `Films`. `found` is of shape (F, S): in a frame column 0 is for the ego,
     then come the slots in their order, then slot 0, which is empty. Return how many columns all of them take.
     """
     slots, most = found.shape[1], 1
     for number in range(len(frames)):
-        begin = frames[number] * slots
-        places, pieces = motion[4 * begin : 4 * begin + slots], piece[begin : begin + slots]
+        begin = (PIECE + 1) * frames[number] * slots
+        places = cells[begin : begin + slots]
+        pieces = cells[begin + PIECE * slots : begin + (PIECE + 1) * slots]
         column = 1
         for slot in range(1, slots):
             if pieces[slot] > 0 and low <= places[slot] * UNIT <= high:
@@ -33,8 +32,7 @@ def slots_between(
 
 def entry_scenes(
     frames: Integers1,
-    motion: Words1,
-    piece: Words1,
+    cells: Words1,
     table: Words2,
     found: Integers2,
     x: Floats1,
@@ -54,7 +52,7 @@ def entry_scenes(
 ) -> None:
     """Write the scenes with the ego at every place in some frames of one film, and its `speed`; F x P rows.
 
-    `motion`, `piece` and `table` are those of `Films`, `found` is that of `slots_between`, of which there are
+    `cells` and `table` are those of `Films`, `found` is that of `slots_between`, of which there are
     as many columns as the scenes have. `x`, `y`, `place_lane` and `limit`
     (P,) are the places'. The speed is the mean of those of the nearest leader and follower within `reach`, at
     most the limit; the limit if alone.
@@ -62,10 +60,10 @@ def entry_scenes(
     places, columns, slots = len(x), valid.shape[1], found.shape[1]
     for number in range(len(frames)):
         # The first row of a frame is read from the film, the others are copies of it.
-        first, begin = number * places, frames[number] * slots
-        pieces = piece[begin : begin + slots]
-        for row in range(4):
-            moves = motion[4 * begin + row * slots : 4 * begin + (row + 1) * slots]
+        first, begin = number * places, (PIECE + 1) * frames[number] * slots
+        pieces = cells[begin + PIECE * slots : begin + (PIECE + 1) * slots]
+        for row in range(PIECE):
+            moves = cells[begin + row * slots : begin + (row + 1) * slots]
             for column in range(1, columns):
                 numbers[row, first, column] = moves[found[number, column]] * UNIT
         for column in range(1, columns):

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.traffic import UNIT, Film, Floats, Integers, Mask
+from drlsl.traffic import PIECE, UNIT, Film, Floats, Integers, Mask
 
 WORD: Final = 4
 """Bytes of a number of a film."""
@@ -20,12 +20,11 @@ WORD: Final = 4
 class Reels:
     """The places of N egos' films in `Films`: arrays of shape (N,).
 
-    `motion_begin`, `piece_begin`: the places in `motion` and in `piece` where the film begins; `first_piece`:
-    the row of `table` where its pieces begin; `frames` and `slots`, how many it has.
+    `cells_begin`: the place in `cells` where the film begins; `first_piece`: the row of `table` where its
+    pieces begin; `frames` and `slots`, how many it has.
     """
 
-    motion_begin: Integers
-    piece_begin: Integers
+    cells_begin: Integers
     first_piece: Integers
     frames: Integers
     slots: Integers
@@ -34,19 +33,17 @@ class Reels:
 class Films:
     """Films where they lie in memory, none of them copied.
 
-    `slots`: the most slots of a film; where a film has fewer, the others are empty. `motion` and `piece` are
-    the films' arrays as arrays of one axis; `table` (P, 5), the pieces of all films, as in `Film.pieces`.
+    `slots`: the most slots of a film; where a film has fewer, the others are empty. `cells` are the
+    films' arrays as an array of one axis; `table` (P, 5), the pieces of all films, as in `Film.pieces`.
     """
 
     def __init__(self, films: Sequence[Film]) -> None:
         """Take films, one or more; `reels` has a value for each of them."""
         self._films = tuple(films)
         self.slots = max(film.slots for film in films)
-        self.motion, motion_begin = spanned([film.motion for film in films])
-        self.piece, piece_begin = spanned([film.piece for film in films])
+        self.cells, cells_begin = spanned([film.cells for film in films])
         self.reels = Reels(
-            motion_begin,
-            piece_begin,
+            cells_begin,
             first_piece=np.cumsum([0, *(len(film.pieces) for film in films)])[:-1],
             frames=np.array([len(film) for film in films]),
             slots=np.array([film.slots for film in films]),
@@ -54,7 +51,7 @@ class Films:
         self.table = np.concatenate([film.pieces for film in films])
 
     def __reduce__(self) -> tuple[type[Films], tuple[tuple[Film, ...]]]:
-        """Return how to make the films again elsewhere: `motion` and `piece` span memory of this process."""
+        """Return how to make the films again elsewhere: `cells` span memory of this process."""
         return Films, (self._films,)
 
     def pieces(self, reels: Reels, frame: Integers) -> Integers:
@@ -62,8 +59,7 @@ class Films:
         column = np.arange(self.slots)
         # Slot 0 of every film is empty, as those are that a film does not have.
         column = np.where(column < reels.slots[:, None], column, 0)
-        row = reels.piece_begin + np.minimum(frame, reels.frames - 1) * reels.slots
-        found: Integers = self.piece[row[:, None] + column] + reels.first_piece[:, None]
+        found: Integers = self.cells[_row(reels, PIECE, frame)[:, None] + column] + reels.first_piece[:, None]
         return found
 
     def valid(self, reels: Reels, frame: Integers) -> Mask:
@@ -73,16 +69,19 @@ class Films:
 
     def piece_of(self, reels: Reels, frame: Integers, slot: Integers) -> Integers:
         """Return the row of `table` in a `frame` and `slot` (N,) each."""
-        row = np.minimum(frame, reels.frames - 1)
-        found: Integers = self.piece[reels.piece_begin + row * reels.slots + slot] + reels.first_piece
+        found: Integers = self.cells[_row(reels, PIECE, frame) + slot] + reels.first_piece
         return found
 
     def motion_of(self, reels: Reels, column: int, frame: Integers, slot: Integers) -> Floats:
         """Return a column of the first four `NUMBERS` in a `frame` and `slot` (N,) each."""
-        row = 4 * np.minimum(frame, reels.frames - 1) + column
-        at = reels.motion_begin + row * reels.slots + slot
-        found: Floats = self.motion[at] * UNIT
+        found: Floats = self.cells[_row(reels, column, frame) + slot] * UNIT
         return found
+
+
+def _row(reels: Reels, column: int, frame: Integers) -> Integers:
+    """Return where in `Films.cells` a column of a `frame` (N,) each begins."""
+    row: Integers = (PIECE + 1) * np.minimum(frame, reels.frames - 1) + column
+    return reels.cells_begin + row * reels.slots
 
 
 def spanned(arrays: Sequence[npt.NDArray[np.int32]]) -> tuple[npt.NDArray[np.int32], Integers]:

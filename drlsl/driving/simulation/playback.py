@@ -193,7 +193,7 @@ def _with_ramps(
 ) -> tuple[Film, Road]:
     """Return film and road with merging lanes as lanes that end, after the others by their ids.
 
-    The lanes of that film, 4 bytes for each frame and slot, are not shared by processes.
+    That film, 20 bytes for each frame and slot, is not shared by processes.
     """
     lanes, everywhere = list(road.lanes), slice(None)
     elsewhere = film.valid(everywhere) & (film.lane(everywhere) == OFF_LANE)
@@ -277,8 +277,7 @@ class Playbacks:
         self.roads = tuple(dict.fromkeys(one.road for one in playbacks))
         lane_id, centre, width = lane_table([one.lanes for one in playbacks], np.inf)
         self.courses = Courses(
-            motion_begin=reels.motion_begin[reel],
-            piece_begin=reels.piece_begin[reel],
+            cells_begin=reels.cells_begin[reel],
             first_piece=reels.first_piece[reel],
             frames=reels.frames[reel],
             slots=reels.slots[reel],

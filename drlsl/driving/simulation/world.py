@@ -408,16 +408,14 @@ class World:
         lags = _NO_LAGS if self._reactive is None else (self._reactive.lag, self._reactive.speed)
         any_touches = machine_code(look)(
             places,
-            films.motion,
-            films.piece,
+            films.cells,
             films.table,
             at.x,
             at.y,
             at.speed,
             at.vy,
             at.frame,
-            courses.motion_begin,
-            courses.piece_begin,
+            courses.cells_begin,
             courses.first_piece,
             courses.frames,
             courses.slots,
