@@ -220,14 +220,16 @@ def way_back(named: NamedDomain, seed: int) -> Way:
     """Return how one comes back to the states of a domain's environment.
 
     Raises:
-        UserError: neither copies nor replays are faithful, or what actions do depends on chance, and the
-            domain has one draw.
+        UserError: a function of the domain raised an error, neither copies nor replays are faithful, or what
+            actions do depends on chance, and the domain has one draw.
     """
     inner: Any = Episode(named, seed).env.unwrapped
     table, state = getattr(inner, "P", None), getattr(inner, "s", None)
     actions = list(named.domain.actions.values())
     if isinstance(table, dict) and state in table and all(one in table[state] for one in actions):
         return "table"
+    for _ in _probed(Episode(named, seed)):
+        pass  # an error of the domain's own functions is told as it is
     ways: list[Way] = ["copies", "replays"]
     problems = []
     for way in ways:
