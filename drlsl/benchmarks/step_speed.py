@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from importlib.util import find_spec
 from itertools import cycle
@@ -27,6 +28,11 @@ FRAME_RATE: Final = 25.0
 """Steps per simulated second [Hz], as in highD."""
 
 _LENGTH: Final = 420.0
+"""Length of a road with 40 vehicles or fewer [m]."""
+
+_ROWS: Final = 7
+"""Places on it in each lane."""
+
 _FRAMES: Final = 1500
 _DRAWS: Final = 997
 _DRAWN: Final = 500_000
@@ -54,22 +60,25 @@ def env_speeds(runs: int) -> dict[str, Any]:
     return speeds
 
 
-def steady_traffic() -> Recording:
-    """Return a recording with 40 vehicles in every frame: three lanes each way, each at its own speed.
+def steady_traffic(count: int = VEHICLES) -> Recording:
+    """Return a recording with `count` vehicles in every frame: three lanes each way, each at its own speed.
 
-    A vehicle that reaches the end of the stretch is replaced by a new one at its beginning.
+    A vehicle that reaches the end of the stretch is replaced by a new one at its beginning. More vehicles
+    than 40 are on a longer stretch, as dense as these.
     """
     lanes = six_lanes()
+    rows = max(math.ceil(count / len(lanes)), _ROWS)
+    length = _LENGTH * rows / _ROWS
     columns: list[list[np.ndarray[Any, np.dtype[Any]]]] = []
     frame = np.arange(_FRAMES)
-    for vehicle in range(VEHICLES):
+    for vehicle in range(count):
         lane = lanes[vehicle % len(lanes)]
         speed = 15.0 + 2.0 * (lane.id % 3)
-        driven = vehicle // len(lanes) * _LENGTH / 7 + speed * frame / FRAME_RATE
-        along, rounds = driven % _LENGTH, (driven // _LENGTH).astype(np.int64)
-        x = along if lane.direction.sign > 0 else _LENGTH - along
+        driven = vehicle // len(lanes) * length / rows + speed * frame / FRAME_RATE
+        along, rounds = driven % length, (driven // length).astype(np.int64)
+        x = along if lane.direction.sign > 0 else length - along
         same = np.ones(_FRAMES)
-        row = [frame, vehicle + VEHICLES * rounds, x, lane.centre * same, lane.direction.sign * speed * same]
+        row = [frame, vehicle + count * rounds, x, lane.centre * same, lane.direction.sign * speed * same]
         columns.append([*row, 0.0 * same, 4.6 * same, 1.9 * same])
     frames, vehicles, *numbers = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     order = np.lexsort((frames, vehicles))
@@ -79,7 +88,7 @@ def steady_traffic() -> Recording:
         frame_rate=FRAME_RATE,
         lanes=lanes,
         x_min=0.0,
-        x_max=_LENGTH,
+        x_max=length,
         film=pack(tracks, lanes_of_rows(tracks.y, lanes), name="steady"),
         vehicle_class={int(one): VehicleClass.CAR for one in np.unique(tracks.vehicle)},
     )
@@ -87,9 +96,9 @@ def steady_traffic() -> Recording:
     return made
 
 
-def steady_envs(size: int) -> HighwayVectorEnv:
-    """Return environments in steady traffic."""
-    recording = steady_traffic()
+def steady_envs(size: int, vehicles: int = VEHICLES) -> HighwayVectorEnv:
+    """Return environments in steady traffic of some `vehicles`."""
+    recording = steady_traffic(vehicles)
     config = EnvConfig(recording=recording.name)
     playbacks = playbacks_of([recording], config.radar_range, config.lane_limits, config.entry)
     return HighwayVectorEnv(config, num_envs=size, shield=Shield.default(tier="auto"), playbacks=playbacks)
