@@ -5,7 +5,7 @@ from .formats import FORMATS, write_parquet
 from .generate import simulate
 from .highd_writer import check_folder, write_highd
 from .load import load_recording, load_recordings, load_source
-from .packed_frames import FIRST, LANE, LENGTH, OFF_LANE, PIECE, UNIT, VEHICLE, WIDTH, Film
+from .packed_frames import CELL, FIRST, LANE, LENGTH, OFF_LANE, PIECE, UNIT, VEHICLE, WIDTH, Film
 from .recording import Recording, VehicleClass
 from .report import RecordingReport, Spread, recording_report
 from .road import Direction, Lane, MergingLane, Traffic
@@ -18,6 +18,7 @@ from .words import counted
 
 __all__ = [
     "BUNDLED",
+    "CELL",
     "FIRST",
     "FORMATS",
     "LANE",

@@ -27,6 +27,9 @@ OFF_LANE: Final = 0
 PIECE: Final = 4
 """The column of a film's `cells` behind those of the motion: the row of `pieces`."""
 
+CELL: Final = PIECE + 1
+"""The numbers of a cell."""
+
 VEHICLE, LANE, FIRST, LENGTH, WIDTH = range(5)
 """The columns of `Film.pieces`."""
 

@@ -12,13 +12,13 @@ import numpy as np
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Ids
 from drlsl.traffic.packed_frames import (
+    CELL,
     FIRST,
     LANE,
     LENGTH,
     NO_VEHICLE,
     NOBODY,
     OFF_LANE,
-    PIECE,
     UNIT,
     VEHICLE,
     Film,
@@ -177,8 +177,8 @@ def _merging_lane_problems(recording: Recording) -> Iterator[str]:
 
 
 def _shape_problems(film: Film) -> Iterator[str]:
-    if film.cells.ndim != 3 or film.cells.shape[1] != PIECE + 1:
-        yield f"`cells` has shape {film.cells.shape}, expected (F, {PIECE + 1}, S)"
+    if film.cells.ndim != 3 or film.cells.shape[1] != CELL:
+        yield f"`cells` has shape {film.cells.shape}, expected (F, {CELL}, S)"
     for name in ("cells", "pieces"):
         if getattr(film, name).dtype != np.int32:
             yield f"`{name}` is of {getattr(film, name).dtype}, expected int32"

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import NUMBERS, Boxes, Floats, Ids, LaneIds
-from drlsl.traffic.packed_frames import LARGEST, NOBODY, OFF_LANE, PIECE, UNIT, Film, Words
+from drlsl.traffic.packed_frames import CELL, LARGEST, NOBODY, OFF_LANE, PIECE, UNIT, Film, Words
 from drlsl.traffic.recording import Dropped
 from drlsl.traffic.road import Lane
 
@@ -103,7 +103,7 @@ def pack(tracks: Tracks, lane: LaneIds, *, name: str, frame_count: int = 0) -> F
     rows, columns = tracks.frame, np.repeat(slots, lengths) + 1
     first = np.repeat(first_frame, lengths)
     piece, pieces = _pieces(tracks, [tracks.vehicle, lane, first, numbers["length"], numbers["width"]])
-    cells = np.zeros((count, PIECE + 1, capacity + 1), dtype=np.int32)
+    cells = np.zeros((count, CELL, capacity + 1), dtype=np.int32)
     for place, column in enumerate(NUMBERS[:4]):
         cells[rows, place, columns] = numbers[column]
     cells[rows, PIECE, columns] = piece

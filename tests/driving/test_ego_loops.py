@@ -16,7 +16,7 @@ from drlsl.driving.shield import Shield
 from drlsl.driving.simulation import StepResult, World, ego_loops, egos, in_direction, playbacks_of, world
 from drlsl.driving.simulation.reward import TERMS
 from drlsl.lowering.backends import machine_code
-from drlsl.traffic import PIECE, load_recording
+from drlsl.traffic import CELL, PIECE, load_recording
 
 KERNELS = (ego_loops.steer, ego_loops.find_targets, ego_loops.drive, ego_loops.look, ego_loops.finish)
 
@@ -44,7 +44,7 @@ class Drawn:
         films, begins = [self.words(0, 9, 3)], []
         for own in self.own_slots.tolist():
             begins.append(sum(map(len, films)))
-            film = self.words(-60_000, 60_000, self.rows * (PIECE + 1) * own).reshape(-1, PIECE + 1, own)
+            film = self.words(-60_000, 60_000, self.rows * CELL * own).reshape(-1, CELL, own)
             film[:, PIECE] = self.words(0, 4, self.rows * own).reshape(-1, own)
             films.append(film.reshape(-1))
         return np.concatenate(films), np.array(begins)

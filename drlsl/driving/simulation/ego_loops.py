@@ -24,7 +24,7 @@ from drlsl.lowering.backends import (
     Words2,
     prefetch,
 )
-from drlsl.traffic import LANE, LENGTH, PIECE, UNIT, VEHICLE, WIDTH
+from drlsl.traffic import CELL, LANE, LENGTH, PIECE, UNIT, VEHICLE, WIDTH
 
 NO_ONE: Final = -1
 
@@ -225,19 +225,19 @@ def look(
     for place in range(len(places)):
         if place + FETCHED < len(places):
             later = places[place + FETCHED]
-            size = (PIECE + 1) * own_slots[later]
+            size = CELL * own_slots[later]
             begin = cells_begin[later] + min(frame[later], frames[later] - 1) * size
             prefetch(cells, begin, begin + size)
         if len(table) > LARGE and place + PIECES_FETCHED < len(places):
             later = places[place + PIECES_FETCHED]
             own = own_slots[later]
-            begin = cells_begin[later] + min(frame[later], frames[later] - 1) * (PIECE + 1) * own
-            least, last = pieces_between(cells, begin + PIECE * own, begin + (PIECE + 1) * own)
+            begin = cells_begin[later] + min(frame[later], frames[later] - 1) * CELL * own
+            least, last = pieces_between(cells, begin + PIECE * own, begin + CELL * own)
             least, last = first_piece[later] + least, first_piece[later] + last
             prefetch(numbers_of_table, table.shape[1] * least, table.shape[1] * (last + 1))
         ego = places[place]
         own = own_slots[ego]
-        begin = cells_begin[ego] + min(frame[ego], frames[ego] - 1) * (PIECE + 1) * own
+        begin = cells_begin[ego] + min(frame[ego], frames[ego] - 1) * CELL * own
         for column in range(PIECE):
             # Parts of an array, since loops over whole ones with an offset are compiled to slower code.
             moves = cells[begin + column * own : begin + (column + 1) * own]
@@ -245,7 +245,7 @@ def look(
                 numbers[column, place, slot] = moves[slot] * UNIT
             for slot in range(own, slots):
                 numbers[column, place, slot] = 0.0
-        pieces, first = cells[begin + PIECE * own : begin + (PIECE + 1) * own], first_piece[ego]
+        pieces, first = cells[begin + PIECE * own : begin + CELL * own], first_piece[ego]
         for slot in range(slots):
             # Slots that a film does not have are empty, as its slot 0 is.
             at = first + (pieces[slot] if slot < own else 0)

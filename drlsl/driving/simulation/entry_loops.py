@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from drlsl.lowering.backends import Floats1, Floats3, Integers1, Integers2, Mask2, Words1, Words2
-from drlsl.traffic import LANE, LENGTH, PIECE, UNIT, VEHICLE, WIDTH
+from drlsl.traffic import CELL, LANE, LENGTH, PIECE, UNIT, VEHICLE, WIDTH
 
 
 def slots_between(frames: Integers1, cells: Words1, low: float, high: float, found: Integers2) -> int:
@@ -16,9 +16,9 @@ def slots_between(frames: Integers1, cells: Words1, low: float, high: float, fou
     """
     slots, most = found.shape[1], 1
     for number in range(len(frames)):
-        begin = (PIECE + 1) * frames[number] * slots
+        begin = CELL * frames[number] * slots
         places = cells[begin : begin + slots]
-        pieces = cells[begin + PIECE * slots : begin + (PIECE + 1) * slots]
+        pieces = cells[begin + PIECE * slots : begin + CELL * slots]
         column = 1
         for slot in range(1, slots):
             if pieces[slot] > 0 and low <= places[slot] * UNIT <= high:
@@ -60,8 +60,8 @@ def entry_scenes(
     places, columns, slots = len(x), valid.shape[1], found.shape[1]
     for number in range(len(frames)):
         # The first row of a frame is read from the film, the others are copies of it.
-        first, begin = number * places, (PIECE + 1) * frames[number] * slots
-        pieces = cells[begin + PIECE * slots : begin + (PIECE + 1) * slots]
+        first, begin = number * places, CELL * frames[number] * slots
+        pieces = cells[begin + PIECE * slots : begin + CELL * slots]
         for row in range(PIECE):
             moves = cells[begin + row * slots : begin + (row + 1) * slots]
             for column in range(1, columns):

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drlsl.traffic import PIECE, UNIT, Film, Floats, Integers, Mask
+from drlsl.traffic import CELL, PIECE, UNIT, Film, Floats, Integers, Mask
 
 WORD: Final = 4
 """Bytes of a number of a film."""
@@ -80,7 +80,7 @@ class Films:
 
 def _row(reels: Reels, column: int, frame: Integers) -> Integers:
     """Return where in `Films.cells` a column of a `frame` (N,) each begins."""
-    row: Integers = (PIECE + 1) * np.minimum(frame, reels.frames - 1) + column
+    row: Integers = CELL * np.minimum(frame, reels.frames - 1) + column
     return reels.cells_begin + row * reels.slots
 
 
