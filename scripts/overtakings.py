@@ -124,9 +124,6 @@ def _left(scenes: SceneBatch, *, own_lane: bool) -> Mask:
     return np.asarray((signs == signs[:, :1]) & (further | (own if own_lane else False)))
 
 
-# ------------------------------------------------------------------------------------------------- driving
-
-
 def drive(config: EnvConfig, choose: Choice, *, episodes: int, seed: int) -> Counts:
     """Drive episodes with a policy that chooses among the offered actions, and count."""
     counts = Counts()

@@ -72,9 +72,6 @@ def scene(x: float, y: float, m: int, n: int) -> Facts:
     return {NUMBERS: [(x, y)], INTEGERS: [(m, n)]}
 
 
-# ---------------------------------------------------------------- the table
-
-
 @pytest.mark.parametrize(("name", "arity"), ROWS)
 def test_a_row_has_a_meaning_in_every_tier_or_says_why_not(name: str, arity: int) -> None:
     row = OPERATIONS[name, arity]
@@ -172,8 +169,6 @@ def compared(engine: Engine, query: Query, scenes: Sequence[Facts]) -> int:
     return int(np.count_nonzero(~result.undecided))
 
 
-# ---------------------------------------------------------------- what proofs know of a row
-
 SMOOTH = [row for row in NODES.values() if row.curve is not None]
 
 
@@ -205,8 +200,6 @@ def test_exact_arithmetic_encloses_what_is_computed(name: str, x: float, y: floa
     slack = Fraction(1, 10**9) * (1 + abs(found.high)) + Fraction(1, 10**12)
     assert not math.isfinite(value) or found.low - slack <= Fraction(value) <= found.high + slack
 
-
-# ---------------------------------------------------------------- a new row
 
 FAR = """
 far(D) :- numbers(X, Y), D is hypot(X, Y).

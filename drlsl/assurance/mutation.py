@@ -273,9 +273,6 @@ class _Reach:
         return frozenset(called)
 
 
-# ---------------------------------------------------------------------- many mutants
-
-
 def score(
     rules: TestedRules,
     cases: Sequence[Case],

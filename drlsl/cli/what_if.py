@@ -78,9 +78,6 @@ def _write(answers: Sequence[Answer], out: Path) -> list[Path]:
     return write_scenes(out, scenes)
 
 
-# ---------------------------------------------------------------- words
-
-
 def _lines(answer: Answer, scene: Scene, against: Sequence[Objection]) -> Iterator[str]:
     """Yield the lines of text output for one action."""
     name = f"{answer.action.atom:<18}"

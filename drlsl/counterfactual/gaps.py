@@ -216,9 +216,6 @@ class _Rules:
         return action.atom in atoms
 
 
-# ---------------------------------------------------------------- the search
-
-
 @dataclass(frozen=True, slots=True)
 class _Least:
     """Changes that answer a question, and a sum of changes up to which there are none.
@@ -351,8 +348,6 @@ class _Search:
                 return replace(best, stopped=str(reason))
             best = replace(best, low=middle) if amounts is None else replace(best, amounts=amounts)
         return best
-
-    # ------------------------------------------------------------ confirmation
 
     def _confirmed(self, best: _Least, reservation: str) -> Finding:
         """Return the change in round numbers, if the interpreter confirms it."""

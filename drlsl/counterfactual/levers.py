@@ -153,8 +153,6 @@ class OpenScene:
         """Return the formula of a condition of the rules, for all levers."""
         return self._formula.truth(node)
 
-    # ---------------------------------------------------------------- facts
-
     def _facts(self) -> dict[tuple[str, int], list[Row]]:
         facts = facts_of(self.scene)
         result = {}
@@ -191,8 +189,6 @@ class OpenScene:
         reach = algebra.number(self.scene.road.radar_range)
         distance = ring.add(ring.multiply(dx, dx), ring.multiply(dy, dy))
         return algebra.at_least(ring.multiply(reach, reach), distance)
-
-    # ---------------------------------------------------------------- some levers at a time
 
     def only(self, truth: Bool, levers: Sequence[Lever]) -> Bool:
         """Return a formula with all levers but these left unchanged."""

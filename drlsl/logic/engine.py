@@ -142,8 +142,6 @@ class Engine:
         self.alone = OneThread()
         """Keeps other threads out while it is held, for several calls that belong together."""
 
-    # ------------------------------------------------------------------ copying
-
     def __getstate__(self) -> dict[str, Any]:
         """Return the state as flat data: the present program, flags, operators, global variables.
 
@@ -206,8 +204,6 @@ class Engine:
     def __copy__(self) -> Engine:
         """Return a deep copy: engines share nothing."""
         return copy.deepcopy(self)
-
-    # ------------------------------------------------------------------ loading
 
     def consult(
         self, path: str | Path, search: Sequence[Path] = (), *, limits: Limits | Meter | None = None
@@ -324,8 +320,6 @@ class Engine:
         ready = [to_row(row, name, arity) for row in rows]
         with self.alone:
             self.program.replace_facts(name, arity, ready)
-
-    # ------------------------------------------------------------------ asking
 
     def defines(self, name: str, arity: int) -> bool:
         """Return whether the program has clauses for a predicate, or declares it dynamic."""

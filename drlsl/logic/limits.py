@@ -129,8 +129,6 @@ class Meter:
     def ref(self, _: None) -> None:
         pass
 
-    # ------------------------------------------------------------------ what the solver reports
-
     def count(self, inferences: int) -> None:
         """Account for inferences.
 
@@ -182,8 +180,6 @@ class Meter:
             return False
         is_late = self._deadline is not None and time.monotonic() > self._deadline
         return is_late or self.inferences_left() == 0
-
-    # ------------------------------------------------------------------ what builtins report
 
     def spend(self, steps: int) -> None:
         """Account for steps that a builtin has made, or will make in a moment.

@@ -107,9 +107,6 @@ def _rules(engine: Engine, schema: Schema) -> list[Predicate]:
     ]
 
 
-# ---------------------------------------------------------------- tiers
-
-
 def _tiers(engine: Engine, schema: Schema, predicate: Predicate) -> PredicateReport:
     name, arity = predicate.indicator
     place = _place(predicate.clauses[0])
@@ -172,9 +169,6 @@ def _tests(cond: Node) -> Iterator[Node]:
             yield from _tests(arg)
     else:
         yield cond
-
-
-# ---------------------------------------------------------------- what looks wrong
 
 
 def _place(clause: Clause) -> str:

@@ -114,8 +114,6 @@ class ActionRules:
         if tier != "auto":
             self._tier(many=False)
 
-    # ------------------------------------------------------------------ copying
-
     def __getstate__(self) -> dict[str, Any]:
         """Return the engine and what is known of the facts; a copy generates the code of its tiers anew."""
         with self._lock:
@@ -155,8 +153,6 @@ class ActionRules:
     def engine(self) -> Engine:
         """The engine with the program."""
         return self._engine
-
-    # ------------------------------------------------------------------ deciding
 
     def offer(self, facts: Facts) -> Offer:
         """Return the actions offered in the state of `facts`.
@@ -269,8 +265,6 @@ class ActionRules:
         with self._lock:
             return self._tier(many=True).name
 
-    # ------------------------------------------------------------------ how
-
     def _offers_of_each(self, facts: Sequence[Facts]) -> Offers:
         mask = np.zeros((len(facts), len(self.actions)), dtype=np.bool_)
         failures = {}
@@ -382,8 +376,6 @@ class ActionRules:
             _LOG.warning(told, self.fallback, reason)
         self.counts.fail(reason)
 
-    # ------------------------------------------------------------------ names of actions
-
     def _place(self, action: Any) -> int:
         """Return the place of an action that the rules offer.
 
@@ -419,8 +411,6 @@ class ActionRules:
                 (answer,) = lower(self._engine, self._forms.guess(kind), [self._query]).answers
                 for value, _ in answer.choices or ():
                     self._place(value.name if isinstance(value, Atom) else value)
-
-    # ------------------------------------------------------------------ tiers
 
     def _tier(self, *, many: bool) -> OfferTier:
         if self._forms.schema is None:

@@ -155,8 +155,6 @@ class Replay:
                         self._shields.append(self._shields[0].with_tier(tier))
         return self._shields
 
-    # ---------------------------------------------------------------- images
-
     def _called(self) -> set[tuple[str, int]]:
         """Return the predicates that the property depends on, also indirectly."""
         seen: set[tuple[str, int]] = set()

@@ -96,8 +96,6 @@ def test_a_goal_that_is_known_late_or_no_goal_at_all(body: str, goal: str) -> No
     assert found[0] == found[1]
 
 
-# ---------------------------------------------------------------------- generated programs
-
 _VARIABLES = st.sampled_from(["X", "Y", "Z", "W"])
 _CONSTANTS = st.sampled_from(["a", "b", "1", "2", "[]", "f(a)"])
 _TERMS = st.recursive(

@@ -47,9 +47,6 @@ def preferred(of: Scene, **parameters: float) -> Action:
     return Action(int(Mobil(**parameters).preferences(situations(of))[0].argmax()))
 
 
-# ------------------------------------------------------------------------------------- MOBIL, written by hand
-
-
 def pulled(rear: Vehicle, front: Vehicle | None, limit: float, sign: int) -> float:
     """The acceleration of a car behind another."""
     own = max(0.0, sign * rear.vx)
@@ -115,9 +112,6 @@ def test_mobil_on_arrays_is_mobil_by_hand(several: list[Scene], politeness: floa
     )
 
 
-# -------------------------------------------------------------------------------------------- what MOBIL does
-
-
 def test_mobil_overtakes_a_slower_leader_and_follows_a_faster_one() -> None:
     assert preferred(scene(car("a", 2, 40.0, 15.0), car("b", 3, 40.0, 15.0))) is LEFT
     assert preferred(scene(car("a", 2, 40.0, 15.0), car("b", 1, 40.0, 15.0))) is RIGHT
@@ -155,9 +149,6 @@ def test_parameters_that_mobil_cannot_have(parameters: dict[str, float]) -> None
         UserError, match=f"driver mobil: {next(iter(parameters))}: .*its parameters: politeness"
     ):
         make_driver("mobil", parameters)
-
-
-# ------------------------------------------------------------------------------------------------ the choice
 
 
 @given(
@@ -210,8 +201,6 @@ def test_every_driver_chooses_something(name: str, one: Scene) -> None:
         expected = LEFT if seen.offered[0, LEFT] else RIGHT if seen.offered[0, RIGHT] else KEEP
         assert choice.actions[0] == expected
 
-
-# ------------------------------------------------------------------------------------- drivers of a user
 
 USERS = """
 import numpy as np

@@ -107,9 +107,6 @@ def test_the_head_has_the_files_and_their_digests(exported: tuple[str, Path]) ->
             assert "  ".join(seal) in path.read_text()[:1500]
 
 
-# ---------------------------------------------------------------- what is in the answer
-
-
 @pytest.fixture(scope="module")
 def highway(tmp_path_factory: pytest.TempPathFactory) -> Path:
     program = RuleProgram.of([RULES / "highway.pl"])
@@ -162,9 +159,6 @@ def test_a_check_fails_if_one_decision_is_another(highway: Path, tmp_path: Path)
         changed = text[:place] + ("9" if to == "js" else "!") + text[place:]
         (folder / name).write_text(changed)
         assert checked(folder, to)[0] == 1
-
-
-# ---------------------------------------------------------------- scenes that are not usable
 
 
 def scene_object(**changes: Any) -> dict[str, Any]:
@@ -288,9 +282,6 @@ def test_unusable_answers_fail(tmp_path: Path, name: str, clause: str, problem: 
     assert words in in_js["failed"]
     assert in_js["fail_safe"]["safe_actions"] == ["lane_keeping"]
     assert in_js["fail_safe"]["target_speed"] == in_c["target_speed"]
-
-
-# ---------------------------------------------------------------- the command
 
 
 def test_a_program_that_cannot_be_lowered_is_refused(

@@ -154,8 +154,6 @@ def test_the_command_names_the_clause_that_it_refuses(
     assert not (tmp_path / "out").exists()
 
 
-# ---------------------------------------------------------------- programs that nobody would write
-
 _ASK = """
 ask(Name, Goal, X, Wanted) :-
     catch(findall(X, Goal, Found), error(_, _), Found = error),

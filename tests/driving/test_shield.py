@@ -319,9 +319,6 @@ def test_a_lane_beyond_64_bits_has_no_place_in_a_batch() -> None:
         SceneBatch.of([SCENE, replace(SCENE, ego=SCENE.ego._replace(lane=2**64))])
 
 
-# ---------------------------------------------------------------------- what a rule must not do
-
-
 @pytest.mark.parametrize("goal", ["halt", "halt(3)", "catch(halt, _, true)", "call_cleanup(fail, halt)"])
 @pytest.mark.parametrize("tier", ["interpreter", "auto"])
 def test_a_rule_that_halts_is_a_failure_with_the_fail_safe(goal: str, tier: str) -> None:

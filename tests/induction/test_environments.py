@@ -49,9 +49,6 @@ def learn(out: Path, name: str, **settings: Any) -> Learnt[Any]:
     return LearningRun(EnvironmentDomain(request), out, lambda _: None).run()
 
 
-# ------------------------------------------------------------------------------------------------ labels
-
-
 class Table(gymnasium.Env[Any, Any]):
     """An environment that is a table of chances; odd rewards are failures."""
 
@@ -180,9 +177,6 @@ def test_driving_is_not_disturbed_by_looking_ahead() -> None:
             assert episode.facts() == (("at", 1, ((plain.x,),)), ("speed", 1, ((plain.speed,),)))
 
 
-# ------------------------------------------------------------------------------------------------ quantities
-
-
 def test_numbers_of_generated_code_are_those_of_the_interpreter() -> None:
     for name in (SLEDS + "sled", "frozen_lake"):
         bias = StateBias.of(name)
@@ -210,9 +204,6 @@ def test_a_condition_is_a_quantity_that_is_met_or_not() -> None:
         assert (holds.words(eases[place, 2]), fails.words(eases[place, 3])) == (
             ("yes", "yes") if place == push else ("no", "no")
         )
-
-
-# ------------------------------------------------------------------------------------------------ the loop
 
 
 def test_a_sled_learns_to_stop(tmp_path: Path) -> None:
@@ -332,9 +323,6 @@ def _lake_states(bias: StateBias) -> Sequence[Any]:
 def _solutions(bias: StateBias, facts: Any, name: str) -> Sequence[Any]:
     bias._reference.state(as_facts(facts))
     return [one["A"] for one in bias.engine.query(f"{name}(A)")]
-
-
-# ------------------------------------------------------------------------------------------------ the command
 
 
 def test_one_command_learns_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -96,9 +96,6 @@ def test_goals_may_be_values(engine: Engine) -> None:
         engine.once(None)  # type: ignore[arg-type]  # what is tested
 
 
-# ---------------------------------------------------------------------- values
-
-
 _KINDS = [
     ("a", "a"),
     ("'A b'", "A b"),
@@ -192,9 +189,6 @@ def test_long_and_nested_goals_are_answered(engine: Engine) -> None:
     for name in ("\\+", "call", "ignore"):
         goal = f"numlist(1, 20000, L), foldl([_, G, F]>>(F =.. [({name}), G]), L, true, G), call(G)"
         assert engine.holds(goal)
-
-
-# ---------------------------------------------------------------------- errors
 
 
 @pytest.mark.parametrize(

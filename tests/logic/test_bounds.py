@@ -55,8 +55,6 @@ def check_usable(engine: Engine) -> None:
     assert engine.holds("count(100)")
 
 
-# ---------------------------------------------------------------------- limits
-
 EXHAUSTING = [
     ("forever", Limits(inferences=5_000), "inferences"),
     ("forever", Limits(seconds=0.05), "seconds"),
@@ -148,9 +146,6 @@ def test_an_exhausted_limit_undoes_bindings_and_runs_cleanups(engine: Engine) ->
     assert engine.holds("nb_getval(cleaned, yes)")
 
 
-# ---------------------------------------------------------------------- interrupts
-
-
 def test_an_interrupt_ends_the_query_and_leaves_the_engine_usable(engine: Engine) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -168,9 +163,6 @@ def test_an_interrupt_ends_the_query_and_leaves_the_engine_usable(engine: Engine
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
         gc.enable()
-
-
-# ---------------------------------------------------------------------- memory
 
 
 def peak_of(work: Callable[[], object]) -> int:
@@ -237,9 +229,6 @@ def test_lists_of_a_million_elements(engine: Engine) -> None:
     assert engine.once(f"{goal}, length(M, N), sum_list(L, T)") is not None
 
 
-# ---------------------------------------------------------------------- depth
-
-
 def test_deep_recursion_that_fits_is_answered(engine: Engine) -> None:
     assert engine.once("sum(50000, X)") == {"X": 50_000 * 50_001 // 2}
 
@@ -265,9 +254,6 @@ def test_exceptions_unwind_deep_recursion(engine: Engine) -> None:
 def test_bindings_and_choice_points_of_a_thrown_goal_are_gone(engine: Engine) -> None:
     goal = "catch((p(X), Y = bound, throw(oops)), oops, true), var(X), var(Y)"
     assert len(list(engine.query(goal))) == 1
-
-
-# ---------------------------------------------------------------------- memory and cleanup goals as limits
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is measured as Linux tells it")

@@ -24,9 +24,6 @@ def engine() -> Engine:
     return Engine()
 
 
-# ---------------------------------------------------------------------- values
-
-
 @pytest.mark.parametrize(
     ("term", "value"),
     [
@@ -71,9 +68,6 @@ def test_deep_value(engine: Engine) -> None:
 def test_cyclic_term_is_an_error(engine: Engine) -> None:
     with pytest.raises(PrologError, match="acyclic"):
         engine.once("X = f(X)")
-
-
-# ---------------------------------------------------------------------- facts in bulk
 
 
 def test_replace_facts(engine: Engine) -> None:
@@ -122,9 +116,6 @@ def test_facts_of_other_types_are_refused(engine: Engine, value: object) -> None
 def test_facts_of_another_length_are_refused(engine: Engine) -> None:
     with pytest.raises(ValueError, match="n/2"):
         engine.replace_facts("n", 2, [("a",)])
-
-
-# ---------------------------------------------------------------------- loading
 
 
 def test_every_syntax_error_is_reported_and_nothing_loaded(engine: Engine) -> None:
@@ -211,9 +202,6 @@ def test_grammar_rules(engine: Engine) -> None:
     assert engine.holds("atom_codes('42', Cs), phrase(digits(Ds), Cs), atom_codes(A, Ds), A == '42'")
     assert engine.once("phrase(word(W), [a, b], R)") == {"W": "a", "R": ["end", "b"]}
     assert not engine.holds("phrase(word(_), [a, no], _)")
-
-
-# ---------------------------------------------------------------------- asking
 
 
 def test_unknown_procedure_says_what_may_be_meant(engine: Engine) -> None:

@@ -38,9 +38,6 @@ def refused(folder: Path, **files: str) -> str:
     return str(caught.value)
 
 
-# ---------------------------------------------------------------------- byte order marks
-
-
 def test_a_byte_order_mark_is_skipped_wherever_text_comes_from(tmp_path: Path) -> None:
     engine = consulted(
         tmp_path,
@@ -57,9 +54,6 @@ def test_a_byte_order_mark_is_skipped_wherever_text_comes_from(tmp_path: Path) -
 
 def test_a_byte_order_mark_does_not_move_columns(tmp_path: Path) -> None:
     assert "main.pl:1:3:" in refused(tmp_path, main=f"{BOM}p )")
-
-
-# ---------------------------------------------------------------------- files that name files
 
 
 def test_lists_of_files_are_loaded(tmp_path: Path) -> None:
@@ -162,8 +156,6 @@ def test_no_message_sends_control_characters_to_the_terminal() -> None:
     assert str(caught.value).isprintable()
     assert engine.holds("writeq('\\e[31m'), format(atom(A), '~q', ['\\e']), A == '\\'\\\\x1b\\\\\\''")
 
-
-# ---------------------------------------------------------------------- conditions
 
 IF = """
 :- if(fail).
@@ -292,9 +284,6 @@ def test_nested_conditions(blocks: list[object]) -> None:
     engine = Engine()
     engine.consult_text(":- dynamic(p/1).\n" + _program(blocks, itertools.count()))
     assert values(engine) == _expected(blocks, itertools.count(), taken=True)
-
-
-# ---------------------------------------------------------------------- directives of other systems
 
 
 def test_directives_without_a_meaning_here_warn_once() -> None:

@@ -121,9 +121,6 @@ def test_error_says_which_goal_and_where(engine: Engine) -> None:
     assert "is 3*rate" in str(raised.value)
 
 
-# ---------------------------------------------------------------------- limits
-
-
 @pytest.mark.parametrize(
     ("goal", "limits", "resource"),
     [
@@ -157,9 +154,6 @@ def test_query_can_be_abandoned(engine: Engine) -> None:
 def test_queries_interleave(engine: Engine) -> None:
     pairs = zip(engine.query("a(X)"), engine.query("a(Y), Y > 1"), strict=False)
     assert [(left["X"], right["Y"]) for left, right in pairs] == [(1, 2), (2, 3)]
-
-
-# ---------------------------------------------------------------------- memory
 
 
 @pytest.mark.parametrize("goal", ["count({})", "two_clauses({})", "catch(count({}), _, true)"])

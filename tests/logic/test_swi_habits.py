@@ -23,9 +23,6 @@ def compiled(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     return bool(request.param == "compiled")
 
 
-# ---------------------------------------------------------------------- integers beside floats
-
-
 _COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "<": lambda left, right: left < right,
     "=<": lambda left, right: left <= right,
@@ -136,8 +133,6 @@ def test_extremes_of_equals(compiled: bool, iso: str, expression: str, value: st
         assert repr(solution["X"]) == value
 
 
-# ---------------------------------------------------------------------- every evaluable, every kind of number
-
 _CONSTANTS = (
     "pi e epsilon inf nan max_integer min_integer max_tagged_integer min_tagged_integer random random_float "
     "cputime realtime"
@@ -201,9 +196,6 @@ def test_nan_and_inf_are_numbers_of_the_lenient_mode() -> None:
     assert [engine.format(value) for value in solution.values()] == ["1.5NaN", "1.0Inf", "-1.0Inf"]
 
 
-# ---------------------------------------------------------------------- cleanup
-
-
 @pytest.mark.parametrize(
     "goal",
     [
@@ -229,9 +221,6 @@ def test_cleanup_shares_its_bindings(compiled: bool, goal: str) -> None:
     engine.consult_text(f"p :- {goal}.")
     assert engine.holds(goal)
     assert engine.holds("p, p")
-
-
-# ---------------------------------------------------------------------- lists, sorting, aggregates, format
 
 
 @pytest.mark.parametrize("iso", ["true", "false"])

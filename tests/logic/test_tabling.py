@@ -55,9 +55,6 @@ def loaded(text: str, *, compiled: bool = True) -> Engine:
     return engine
 
 
-# ---------------------------------------------------------------------- answers
-
-
 def test_recursion_ends(compiled: bool) -> None:
     engine = loaded(PATHS, compiled=compiled)
     assert found(engine, "path(1, X)") == {("1",), ("2",), ("3",), ("4",)}
@@ -135,9 +132,6 @@ def test_errors_caught_inside_a_table(compiled: bool) -> None:
     assert ("'caught'",) in found(engine, "p(X)", Limits(inferences=10_000))
 
 
-# ---------------------------------------------------------------------- life of a table
-
-
 def test_tables_are_dropped_when_facts_change(compiled: bool) -> None:
     engine = loaded(
         ":- table reach/1.\n:- dynamic(start/1).\nreach(X) :- reach(Y), edge(Y, X).\nreach(X) :- start(X).\n"
@@ -195,9 +189,6 @@ def test_copies_of_an_engine_have_tables_of_their_own(compiled: bool) -> None:
         twin.consult_text("edge(4, 1).", "more")
         assert found(twin, "path(4, X)") == {("1",)}
     assert len(found(engine, "path(X, Y)")) == 12
-
-
-# ---------------------------------------------------------------------- declarations and limits
 
 
 @pytest.mark.parametrize(
@@ -260,8 +251,6 @@ def test_long_chains_need_no_python_stack(compiled: bool) -> None:
     )
     assert engine.holds("reach(3000), down(3000)")
 
-
-# ---------------------------------------------------------------------- beside SWI-Prolog
 
 _SHAPES = [
     "p(X,Y) :- p(X,Z), e(Z,Y).",
@@ -346,9 +335,6 @@ def _of_swi_prolog(folder: Path, texts: list[str]) -> list[str]:
     command = ["swipl", "-q", "-g", "halt", "all.pl"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True, cwd=folder)
     return done.stdout.split("\n")[:-1]
-
-
-# ---------------------------------------------------------------------- explanations
 
 
 def test_explanations_end(compiled: bool) -> None:

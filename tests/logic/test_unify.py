@@ -63,9 +63,6 @@ def deep(size: int, end: Term) -> Term:
     return end
 
 
-# ---------------------------------------------------------------------- properties
-
-
 @given(groups(2))
 def test_undo_after_unify_is_identity(terms: list[Term]) -> None:
     before = [shape(term) for term in terms]
@@ -170,9 +167,6 @@ def test_subsumes_binds_nothing(terms: list[Term]) -> None:
     assert [shape(term) for term in terms] == before
 
 
-# ---------------------------------------------------------------------- the order of kinds
-
-
 def test_standard_order_of_kinds() -> None:
     ordered: list[Term] = [
         Var(),
@@ -212,9 +206,6 @@ def test_values_of_unlike_kinds_never_unify(left: Term, right: Term) -> None:
     assert not unify(Struct("f", (left,)), Struct("f", (right,)), [])
 
 
-# ---------------------------------------------------------------------- the trail
-
-
 def test_undo_goes_back_to_the_mark_newest_first() -> None:
     log: list[int] = []
     trail: Trail = []
@@ -249,9 +240,6 @@ def test_compact_keeps_what_lies_before_a_choice_point() -> None:
         unify(Var(), 1, trail)
     assert compact(trail, 0, (1, 3)) == 1
     assert len(trail) == 3
-
-
-# ---------------------------------------------------------------------- cycles and depth
 
 
 def cyclic() -> Term:

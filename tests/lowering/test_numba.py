@@ -111,9 +111,6 @@ def crowd(count: int, *, spread: float = 3.0, on: int = 3) -> Scene:
     return Scene(ways, ego, others, 2)
 
 
-# ---------------------------------------------------------------- answers
-
-
 @pytest.mark.parametrize("program", PROGRAMS)
 @settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 @given(drawn=st.lists(scenes(), min_size=1, max_size=4))
@@ -246,9 +243,6 @@ def test_keys_that_are_not_unique_and_an_ego_that_is_not_there() -> None:
     assert_same(result, compile_numpy(lowered("highway.pl"))(given))
 
 
-# ---------------------------------------------------------------- arrays
-
-
 @pytest.mark.parametrize("count", [0, 1, 2, 257])
 def test_sizes_of_batches(count: int) -> None:
     made = [crowd(n % 7) for n in range(max(count, 1))]
@@ -357,9 +351,6 @@ def test_no_room_for_a_vehicle() -> None:
     assert machine_code()(given).undecided.all()
 
 
-# ---------------------------------------------------------------- bound to arrays
-
-
 def test_a_bound_program_reads_its_arrays_anew() -> None:
     given = arrays([crowd(3), crowd(5)])
     bound = machine_code().bind(given)
@@ -391,8 +382,6 @@ def test_a_bound_program_notices_an_index_that_went_wrong() -> None:
     with pytest.raises(ValueError, match="index"):
         bound()
 
-
-# ---------------------------------------------------------------- kept on disk
 
 SMALL = """
 import logging, sys

@@ -298,9 +298,6 @@ def test_generated_programs_give_the_bits_of_numpy(
         assert_never_waits(code)
 
 
-# ---------------------------------------------------------------- operations
-
-
 def both_ops(dtype: Precision, scenes: int, device: str = "cpu") -> tuple[torch_ops.Ops, numpy_ops.Ops]:
     kind = torch.float64 if dtype == "float64" else torch.float32
     return (
@@ -400,9 +397,6 @@ def test_the_first_of_equal_rows_counts(device: str, mask: Any, value: Any, axis
     assert_ops_agree("exists", mask, axis, device=device)
 
 
-# ---------------------------------------------------------------- float32
-
-
 SPEED_TOLERANCE = 1e-3  # m/s
 OBSERVATION_TOLERANCE = 1e-5
 
@@ -459,9 +453,6 @@ def test_quotients_are_rounded_once(expression: str, dtype: Precision, device: s
     code = lower(engine_of(f"p(X) :- limit(L), X is {expression}."), SINGLE, [Query("p", 1, "first")])
     facts = {("limit", 1): Rows([np.random.default_rng(3).uniform(0.1, 99.0, 5001)])}
     assert_same(compile_torch(code, dtype, device)(facts), compile_numpy(code, dtype)(facts))
-
-
-# ---------------------------------------------------------------- refusals
 
 
 def test_a_device_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:

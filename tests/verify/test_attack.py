@@ -62,9 +62,6 @@ def drawn(book: Book, count: int, seed: int = 7) -> tuple[Layout, Drawn]:
     return layout, draw(layout, np.random.default_rng(seed), count)
 
 
-# ------------------------------------------------------------------------------------------------ scenes
-
-
 def test_drawn_scenes_are_scenes_that_proofs_are_about() -> None:
     layout, scenes = drawn(load([]), 400)
     outside = 0
@@ -139,9 +136,6 @@ def test_vehicles_may_have_names_of_the_program() -> None:
     assert {-1, 0, 1} <= set(scenes.named.ravel().tolist())
 
 
-# ------------------------------------------------------------------------------------------------ judging
-
-
 @pytest.mark.parametrize("place", range(3), ids=["highway", "dynamics", "paper"])
 def test_distances_are_0_exactly_where_the_array_tier_says_so(place: int) -> None:
     _, book = books()[place]
@@ -180,9 +174,6 @@ def test_exact_arithmetic_agrees_with_floats_but_at_limits(place: int) -> None:
                 assert verdict.amount is not None, name
                 assert verdict.amount < Fraction(1, 10**9), name
     assert judged > 100
-
-
-# ------------------------------------------------------------------------------------------------ attacks
 
 
 @pytest.mark.parametrize(

@@ -165,8 +165,6 @@ def properties_of(name: str) -> list[str]:
     return list(Prover.of((), (RULES / name,)).answers)
 
 
-# ---------------------------------------------------------------- random programs, near their limits
-
 UNKNOWNS = {"a": (0, 1), "b": (-3, 3), "c": (1, 1000), "d": (-1000000, 1000000)}
 DECLARED = " ".join(
     f"unknown({name}, {low}, {high}, 'number {name}'). :- dynamic({name}/1)."

@@ -60,9 +60,6 @@ def sole(finding: Finding | None) -> tuple[str, str, float]:
     return change.vehicle, change.quantity, change.change
 
 
-# ---------------------------------------------------------------- closed forms
-
-
 def needed(rear: float, front: float) -> float:
     """RSS, Definition 1, with the parameters of highway.pl, and the room kept at standstill."""
     after = rear + 3.0 * 0.35
@@ -219,9 +216,6 @@ def test_both_directions_alike() -> None:
             ]
 
 
-# ---------------------------------------------------------------- against trying
-
-
 def moved(scene: Scene, name: str, quantity: str, amount: float) -> Scene | None:
     """The scene with one number moved in its direction; None where vehicles would come to touch."""
     cars = {one.id: one for one in (scene.ego, *scene.vehicles)}
@@ -349,9 +343,6 @@ def test_nothing_smaller_does_it_by_the_published_rules(scene: Scene) -> None:
 def test_nothing_smaller_does_it_in_many_scenes(scene: Scene) -> None:
     check_against_trying(nudged(scene), "highway.pl")
     check_against_trying(nudged(scene), "paper.pl")
-
-
-# ---------------------------------------------------------------- what cannot be told
 
 
 REST = (

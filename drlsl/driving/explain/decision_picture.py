@@ -96,9 +96,6 @@ def _speed_words(decision: Decision, speed: SpeedReason | None) -> str:
     return f"target speed {decision.target_speed:.2f} m/s" + (f": {speed.words()}" if speed else "")
 
 
-# ---------------------------------------------------------------- rows beside the road
-
-
 @dataclass(frozen=True, slots=True)
 class _Row:
     """A line of words beside the road, the `number`-th from it, with the dimension that it is about.
@@ -189,9 +186,6 @@ def _draw_dimension(canvas: Canvas, points: Sequence[tuple[float, float]], *, ha
     canvas.axes.plot(
         *zip(*ticks, strict=True), linestyle="none", marker="|", color="black", markersize=8, zorder=6
     )
-
-
-# ---------------------------------------------------------------- actions
 
 
 def _draw_actions(

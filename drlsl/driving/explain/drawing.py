@@ -197,9 +197,6 @@ def check_picture_path(path: str | Path) -> None:
         raise UserError(f"no picture is called {path}: the name must end in .{', .'.join(sorted(kinds))}")
 
 
-# ---------------------------------------------------------------- the road
-
-
 def draw_road(
     scene: Scene,
     *,
@@ -290,9 +287,6 @@ def _draw_lanes(axes: Axes, scene: Scene, left: float, right: float) -> None:
     axes.tick_params(axis="y", length=0)
     for side in ("top", "left", "right"):
         axes.spines[side].set_visible(False)
-
-
-# ---------------------------------------------------------------- vehicles
 
 
 def draw_vehicles(

@@ -77,9 +77,6 @@ def _is_number(term: Sym) -> bool:
     )
 
 
-# ---------------------------------------------------------------- the header
-
-
 def _header(program: RuleProgram, reasons: CProgram | None, head: str) -> str:
     return filled(
         "rules.h",
@@ -104,9 +101,6 @@ def _kind(reason: Sym) -> tuple[str, str]:
     if isinstance(reason, Atom):
         return reason.name, ""
     return reason.name, "".join("n" if _is_number(detail) else "a" for detail in reason.args)
-
-
-# ---------------------------------------------------------------- the source
 
 
 def _source(program: RuleProgram, decision: CProgram, reasons: CProgram | None, head: str) -> str:
@@ -314,9 +308,6 @@ def _find(reasons: CProgram | None) -> list[str]:
             lines.append(f"        one->details[{detail}] = {text};")
         lines.append("    }")
     return [*lines, "}"]
-
-
-# ---------------------------------------------------------------- the check
 
 
 def _check(stored: Sequence[StoredDecision], head: str, *, exact: bool) -> str:

@@ -115,8 +115,6 @@ class _Writer:
     def _atom(self, name: str) -> str:
         return format_term(Atom(name), self._operators, quoted=True)
 
-    # ---------------------------------------------------------------- clauses
-
     def _clause_text(self, clause: Clause) -> str:
         self._clause = clause
         names = {id(deref(variable)): name for name, variable in clause.names.items()}
@@ -139,8 +137,6 @@ class _Writer:
         span = self._clause.span if self._clause is not None else None
         name, arity = self._predicate
         return NotLowerable(f"{name}/{arity}", span, reason)
-
-    # ---------------------------------------------------------------- goals
 
     def _renamed(self, term: Term) -> Term:
         """Return a head or a goal under the name that its predicate has in the file."""

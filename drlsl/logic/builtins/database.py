@@ -312,9 +312,6 @@ def _properties(predicate: Predicate) -> list[Term]:
     return found
 
 
-# ---------------------------------------------------------------------- global variables
-
-
 @det("nb_setval", 2)
 def nb_setval(machine: Caller, key: Term, value: Term) -> bool:
     machine.globals[atom(key).name] = copy_term(value, meter=machine.meter)

@@ -85,9 +85,6 @@ def of_one_type(left: Number, right: Number) -> tuple[Number, Number]:
     return left, right
 
 
-# ---------------------------------------------------------------- of two numbers
-
-
 def _made(value: int, machine: Caller) -> int:
     """Return a large integer that an operation has created, accounted for."""
     machine.meter.text(value.bit_length() >> 3)
@@ -287,9 +284,6 @@ def modular_power(*values_and_machine: Any) -> int:
         return pow(base, exponent, modulus)
     except ValueError:  # a negative power of what has no inverse
         raise evaluation_error("undefined") from None
-
-
-# ---------------------------------------------------------------- of one number
 
 
 def of_float(function: Callable[[float], float]) -> Evaluator:

@@ -132,8 +132,6 @@ class Machine:
         """The state of the engine's builtins between queries."""
         return self.engine.state
 
-    # ------------------------------------------------------------------ what builtins ask
-
     def unify(self, left: Term, right: Term) -> bool:
         """Make two terms equal, recording each binding on the trail; return True if that is possible."""
         return unify(left, right, self.trail)
@@ -146,8 +144,6 @@ class Machine:
         """Return the task for a call of an unknown predicate."""
         task: Task = self.engine.undefined(self, predicate, args, continuation)
         return task
-
-    # ------------------------------------------------------------------ searching
 
     def solve(self, task: Task) -> bool:
         """Run a task until it finds a solution (True) or has none left (False).
@@ -265,8 +261,6 @@ class Machine:
         if not self._unwinding:
             point.active = True
 
-    # ------------------------------------------------------------------ limits
-
     def tick(self, task: Task | None) -> None:
         """Account for a slice of inferences and check the limits; `task` is the next one.
 
@@ -329,9 +323,6 @@ def _depth(task: Task | None) -> int:
         depth += 1
         task = task[2][1] if task[0] is run else task[-1]
     return depth
-
-
-# ---------------------------------------------------------------------- tasks and choice points
 
 
 class Stop(BaseException):
@@ -476,9 +467,6 @@ def other_rows(machine: Machine, choice: Choice) -> Task:
     return try_rows(machine, *choice[2:])
 
 
-# ---------------------------------------------------------------------- calls
-
-
 def enter(machine: Machine, predicate: Predicate, args: Sequence[Any], continuation: Task) -> Task:
     """Call a predicate with dereferenced arguments, by its compiled code if the engine uses such."""
     if machine.compiled:
@@ -619,9 +607,6 @@ def passes(machine: Machine, guard: Sequence[Node], frame: list[Any]) -> bool:
             _add_goal(error, node, frame)
             raise
     return True
-
-
-# ---------------------------------------------------------------------- the loop
 
 
 def run(machine: Machine, task: Task) -> Task:

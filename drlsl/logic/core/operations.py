@@ -158,9 +158,6 @@ COMPARISONS: Final = {
 """Comparisons of two numbers of one type, by name."""
 
 
-# ---------------------------------------------------------------- definitions
-
-
 @functools.cache
 def parsed(text: str) -> tuple[Term, dict[str, int]]:
     """Return the term of a definition or condition, and the number of the argument for each variable."""
@@ -202,8 +199,6 @@ def _composition(term: Term, places: dict[str, int]) -> Evaluator:
     parts = [_composition(arg, places) for arg in term.args]
     return lambda *values: evaluate(*(part(*values) for part in parts), values[-1])
 
-
-# ---------------------------------------------------------------- the table
 
 OPERATIONS: Final[dict[tuple[str, int], Operation]] = {}
 """The rows, by name and arity."""

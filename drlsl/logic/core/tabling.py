@@ -225,9 +225,6 @@ def _next_answer(machine: Machine, choice: Choice) -> Task:
     return _read(machine, *choice[2:])
 
 
-# ---------------------------------------------------------------------- what depends on what
-
-
 def _depend(open_: Evaluations, lowest: int, predicate: Predicate, continuation: Task) -> None:
     """Record that the innermost evaluation reads a table that the one at `lowest` will complete.
 

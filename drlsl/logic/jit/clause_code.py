@@ -159,8 +159,6 @@ class BodyEmitter:
         self._continuation(place, self._goals)
         return self._rests
 
-    # ------------------------------------------------------------------ sequences
-
     def _about(self, function: Function, goal: Step, scope: Scope) -> None:
         term = None if type(goal) is Commit or type(goal) is NotCallable else goal.term  # type: ignore[union-attr]
         function.about(term, self._clause, scope)
@@ -237,8 +235,6 @@ class BodyEmitter:
         expression, inner = self._capture(place, function, goals, k, first="len(trail)")
         place.function.emit(f"choices.append({expression})")
         self._sequence(inner, goals)
-
-    # ------------------------------------------------------------------ goals that end the function
 
     def _leave(self, place: Place, goal: Goal, rest: Sequence[Step]) -> None:
         """Emit a goal that needs a continuation, and the goals after it."""
@@ -399,8 +395,6 @@ class BodyEmitter:
         self._height(inner, goal.barrier, 0)
         self._sequence(inner, steps(goal.goal))
 
-    # ------------------------------------------------------------------ goals in place
-
     def _is_inline(self, goal: Goal) -> bool:
         """Return whether a goal can be emitted in place."""
         if type(goal) is IfThenElse:
@@ -483,8 +477,6 @@ class BodyEmitter:
             function.emit(f"{target} = {known or 'Var()'}")
         function.emit("pass")
         function.indent -= 1
-
-    # ------------------------------------------------------------------ tests
 
     def _test(self, place: Place, goals: Sequence[Goal]) -> str:
         """Return the lines before a condition, and its expression; it leaves no bindings if it is false."""

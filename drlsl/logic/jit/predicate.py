@@ -152,8 +152,6 @@ class _PredicateCompiler:
         function.about(None, None, Scope())
         function.emit("else: return FAIL")
 
-    # ------------------------------------------------------------------ the switch
-
     def _switch(self) -> None:
         """Choose the clauses that may match by the first argument, unless they are given."""
         function = self._function
@@ -231,8 +229,6 @@ class _PredicateCompiler:
         else:
             function.emit(f"alts = {self._chain(chain)!r}")
         function.indent -= 1
-
-    # ------------------------------------------------------------------ clauses
 
     def _only_clause(self, number: int, *, first_known: bool = False, guard: Guard | None = None) -> None:
         """Emit a clause without alternatives: its failure is the call's."""

@@ -288,8 +288,6 @@ class Loader:
         if all(warning.message != message for warning in self._engine.warnings):
             self._warn(message, read)
 
-    # ------------------------------------------------------------------ directives
-
     def _directive(self, goal: Term, read: ReadTerm) -> None:
         goal = deref(goal)
         name, args = callable_parts(goal)
@@ -324,8 +322,6 @@ class Loader:
     def _holds(self, goal: Term, read: ReadTerm) -> bool:
         """Return whether the goal of an if/1 holds; one that raises an error does not."""
         return self._succeeds(goal, read) is True
-
-    # ------------------------------------------------------------------ files
 
     def _named(self, file: Term) -> Path:
         """Return the file that a term names."""
@@ -403,8 +399,6 @@ class Loader:
 
     def _module(self, _args: tuple[Term, ...], _read: ReadTerm) -> None:
         """Ignore the module: all predicates are visible in one name space."""
-
-    # ------------------------------------------------------------------ other directives
 
     def _thread_local(self, args: tuple[Term, ...], read: ReadTerm) -> None:
         """Declare a predicate dynamic: an engine belongs to one thread anyway."""

@@ -130,8 +130,6 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
         undecided = Parameter("undecided", "bool", 1, blank="True")
         return [undecided, *(parameter for output in self.outputs for parameter in output)]
 
-    # ---------------------------------------------------------------- the function
-
     def module(self) -> str:
         """Return the text of the function."""
         self._check_shapes()
@@ -228,8 +226,6 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
                 self.write(f"{value}[{place}] = True")
                 self.write(f"{fails}[scene] = False")
 
-    # ---------------------------------------------------------------- rows
-
     def head(self, rows: Node, row: str) -> Sequence[str]:
         if rows.op == "where":
             place = self.names.new("place")
@@ -276,8 +272,6 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
         if value.kind == "int":
             return str(NO_INTEGER if greatest else -NO_INTEGER)
         return super().no_value(value, greatest=greatest)
-
-    # ---------------------------------------------------------------- what is done with a row
 
     def leaves(self, loop: Node) -> bool:
         return relation_of(loop).capacity > SMALL
@@ -337,8 +331,6 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
             self.write(f"{item.best} = choose({better}, {value}, {item.best})")
             if item.best != name:
                 self.write(f"{name} = choose({better}, {self.known[node.loop]}, {name})")
-
-    # ---------------------------------------------------------------- values
 
     def truth(self, node: Node) -> tuple[str, int]:
         # cheap values are computed rather than jumped over: fewer blocks compile sooner, and are as fast

@@ -70,8 +70,6 @@ class ArrayPrinter:
         for node in self._order:
             self._uses.update(self._operands(node))
 
-    # ---------------------------------------------------------------- structure
-
     def _operands(self, node: Node) -> tuple[Node, ...]:
         """Return the nodes in the text of a node."""
         if node.op == "and":
@@ -132,8 +130,6 @@ class ArrayPrinter:
         for root in roots:
             visit(root)
         return list(found)
-
-    # ---------------------------------------------------------------- the function
 
     def module(self) -> str:
         """Return the text of the function."""
@@ -280,8 +276,6 @@ class ArrayPrinter:
         self.columns.setdefault(relation, set()).add(column)
         return f"tables[{relation.name!r}, {relation.arity}].column({column})"
 
-    # ---------------------------------------------------------------- axes
-
     def _axes(self, node: Node) -> tuple[Node, ...]:
         return tuple(sorted(node.free, key=lambda loop: loop.data))
 
@@ -296,8 +290,6 @@ class ArrayPrinter:
             return self._text(node, strength)
         places = ", ".join(":" if loop in own else "None" for loop in target)
         return f"{self._text(node, _ATOMIC)}[{places}]"
-
-    # ---------------------------------------------------------------- expressions
 
     def _text(self, node: Node, strength: int) -> str:
         name = self._known.get(node)

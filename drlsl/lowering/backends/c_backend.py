@@ -131,8 +131,6 @@ class _Printer(CurlyLoops):
             self.codes,
         )
 
-    # ---------------------------------------------------------------- types
-
     def _types(self) -> str:
         lines = []
         for relation, name in self.rows.items():
@@ -158,8 +156,6 @@ class _Printer(CurlyLoops):
             lines.append(f"        double value[{self.most_solutions[query]}][{width}];\n    }} {name};")
         lines.append(f"}} {self.prefix}_answers;\n")
         return "\n".join(lines)
-
-    # ---------------------------------------------------------------- functions
 
     def _check(self, relation: Relation) -> str:
         """Return the function that tells whether the rows conform to the schema."""
@@ -242,8 +238,6 @@ class _Printer(CurlyLoops):
         zeros = ", ".join("0" if kind == "atom" else "0.0" for kind in relation.columns)
         return f"({self.prefix}_{self.rows[relation]}_row){{{zeros}}}"
 
-    # ---------------------------------------------------------------- words
-
     def declare(self, name: str, text: str, kind: str) -> None:
         self.write(f"{_TYPES[kind]} {name} = {text};")
 
@@ -262,8 +256,6 @@ class _Printer(CurlyLoops):
     def search(self, node: Node) -> str:
         rows = self.rows[relation_of(node.args[0])]
         return f"{self.prefix}_find_{rows}({rows}, {rows}_count, {self.text(lookup_value(node), CHOICE)})"
-
-    # ---------------------------------------------------------------- answers
 
     def _answer(self, answer: Answer) -> None:
         query, name = answer.query, self.queries[answer.query]

@@ -65,8 +65,6 @@ class CurlyLoops(PlaceLoops, SolutionLoops):
     def declare_places(self, name: str, relation: Relation) -> None:
         """Write the variable for places of rows."""
 
-    # ---------------------------------------------------------------- statements
-
     def block_head(self, head: str) -> str:
         return f"{head} {{"
 
@@ -84,8 +82,6 @@ class CurlyLoops(PlaceLoops, SolutionLoops):
 
     def nothing(self) -> None:
         """Do nothing: a block may be empty."""
-
-    # ---------------------------------------------------------------- rows
 
     def head(self, rows: Node, row: str) -> Sequence[str]:
         if rows.op == "where":
@@ -119,8 +115,6 @@ class CurlyLoops(PlaceLoops, SolutionLoops):
 
     def is_some(self, place: str, relation: Relation) -> str:
         return f"{place} < {self.no_row(relation)}"
-
-    # ---------------------------------------------------------------- values
 
     def number(self, value: float) -> str:
         if isinstance(value, bool):

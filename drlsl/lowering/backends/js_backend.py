@@ -103,8 +103,6 @@ class _Printer(CurlyLoops, AnswerLists):
             else constant(value, "NaN", "Infinity")
         )
 
-    # ---------------------------------------------------------------- answers
-
     def sequence(self, items: Sequence[str]) -> str:
         return f"[{', '.join(items)}]"
 

@@ -21,9 +21,6 @@ NO_INTEGER: Final = 2**63 - 1
 """Beyond every valid integer."""
 
 
-# ---------------------------------------------------------------- facts
-
-
 def filled(valid: Mask, column: Array) -> Mask:
     """Return `valid` or, if it is empty, the mask of all rows."""
     return np.ones(column.shape, dtype=np.bool_) if valid.size == 0 else valid
@@ -112,9 +109,6 @@ def blank(line: Array, scene: int, value: float) -> None:
     """Fill a scene's elements."""
     for place in range(line.shape[1]):
         line[scene, place] = value
-
-
-# ---------------------------------------------------------------- numbers
 
 
 def choose(cond: bool, then: float, els: float) -> float:

@@ -61,8 +61,6 @@ class LoopPrinter(ExpressionText):
         self.reached = reach(roots)
         self.stages: dict[Node, int] = {}
 
-    # ---------------------------------------------------------------- the language
-
     @abstractmethod
     def block_head(self, head: str) -> str:
         """Return the line that begins an indented block."""
@@ -86,8 +84,6 @@ class LoopPrinter(ExpressionText):
     @abstractmethod
     def end_loop(self) -> None:
         """Write what ends the innermost loop."""
-
-    # ---------------------------------------------------------------- rows
 
     @abstractmethod
     def head(self, rows: Node, row: str) -> Sequence[str]:
@@ -124,8 +120,6 @@ class LoopPrinter(ExpressionText):
             relation.fields[column] if relation.fields else self.pool.names.get(node, f"column_{column + 1}")
         )
         return self.names.new(f"{relation.first or ''}_{name}" if node.args[0].op == "row" else name)
-
-    # ---------------------------------------------------------------- writing
 
     def write(self, text: str) -> None:
         self.lines.append("    " * self.depth + text)
@@ -166,8 +160,6 @@ class LoopPrinter(ExpressionText):
         """Write every loop over rows."""
         for loop in self._loops():
             self._sweep(loop)
-
-    # ---------------------------------------------------------------- loops
 
     def _stage(self, node: Node) -> int:
         """Return the number of successive loops that a value depends on."""
@@ -329,8 +321,6 @@ class LoopPrinter(ExpressionText):
                 chain, tests = [*chain, cond], [*tests, test]
             with self.block(head):
                 self.visit(rest)
-
-    # ---------------------------------------------------------------- sharing
 
     def share(self, now: Iterable[Node], items: Sequence[Item] = ()) -> None:
         """Name the values that are needed now and used more than once from here on."""

@@ -66,8 +66,6 @@ class _Printer(PythonLoops, AnswerLists):
         self.write(f"return ({', '.join(results)}{',' if len(results) == 1 else ''})")
         return "\n".join(["def answer(facts):", *self.lines, ""])
 
-    # ---------------------------------------------------------------- facts
-
     def _facts(self) -> None:
         columns = self.columns()
         for relation in self.lowered.schema.relations.values():
@@ -92,8 +90,6 @@ class _Printer(PythonLoops, AnswerLists):
         if any(is_lookup(node) and relation_of(node.args[0]) is relation for node in self.reached):
             table = self._tables[relation] = self.names.new(f"{relation.name}_by_key")
             self.write(f"{table} = {{row[{relation.key}]: row for row in {rows}}}")
-
-    # ---------------------------------------------------------------- rows
 
     def head(self, rows: Node, row: str) -> Sequence[str]:
         return (f"for {row} in {self.known[rows]}",)
@@ -124,8 +120,6 @@ class _Printer(PythonLoops, AnswerLists):
     def is_none(self, name: str, relation: Relation) -> str:
         return f"{name} is {self.no_row(relation)}"
 
-    # ---------------------------------------------------------------- values
-
     def atom(self, name: str) -> str:
         return repr(name)
 
@@ -138,8 +132,6 @@ class _Printer(PythonLoops, AnswerLists):
         if node.op == "any":
             return f"{key} in {table}", COMPARISON
         return f"{table}.get({key}, {self.no_row(relation)})", ATOMIC
-
-    # ---------------------------------------------------------------- answers
 
     none = "None"
 

@@ -55,9 +55,6 @@ def _rule(name: str, arity: int) -> Callable[[Rule], Rule]:
     return register
 
 
-# ---------------------------------------------------------------- control
-
-
 def control(unfold: Unfolder, goal: Goal, then: Continue) -> Tree:
     """Return the solutions of a control construct."""
     match goal:
@@ -141,9 +138,6 @@ def _given(term: Sym) -> Goal:
     return Call("call", (term,), term, None) if isinstance(term, Var) else read_body(term)
 
 
-# ---------------------------------------------------------------- unification and comparison of terms
-
-
 @_rule("=", 2)
 def _unify(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return unfold.unified(args[0], args[1], then)
@@ -224,9 +218,6 @@ def _of_kind(unfold: Unfolder, term: Sym, kind: str) -> Node:
     return unfold.pool.const(_kind(term) == kind)
 
 
-# ---------------------------------------------------------------- arithmetic
-
-
 @_rule("is", 2)
 def _is(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     def assign(_arithmetic: Arithmetic, value: Node) -> Tree:
@@ -272,9 +263,6 @@ def _succ(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     if _kind(high) == "int" and isinstance(low, Var):
         return unfold.conjunction([_named(">", high, 0), _named("is", low, Struct("-", (high, 1)))], then)
     return require(unfold.pool.false, FAIL)
-
-
-# ---------------------------------------------------------------- all solutions
 
 
 def _findall(unfold: Unfolder, template: Sym, goal: Goal, result: Sym, then: Continue) -> Tree:
@@ -387,9 +375,6 @@ def _extreme(unfold: Unfolder, spec: Struct, goal: Goal, result: Sym, then: Cont
     best: Sym = value.data if value.is_const else value
     answer = Struct(spec.name, (best, *witness)) if witness else best
     return require(unfold.pool.not_(undecided), guard(found, unfold.unified(result, answer, then)))
-
-
-# ---------------------------------------------------------------- lists
 
 
 def _elements(unfold: Unfolder, term: Sym) -> list[Sym]:

@@ -138,8 +138,6 @@ class Unfolder:
         self._most_leaves = _MOST_LEAVES + _LEAVES_OF_A_CLAUSE * clauses
         self._in_library = False  # whether the current goal is in a clause of the library
 
-    # ---------------------------------------------------------------- failing to lower
-
     def refuse(self, reason: str) -> NoReturn:
         """Raise the error that only the interpreter can run the current clause."""
         clause = self._clauses[-1]
@@ -149,8 +147,6 @@ class Unfolder:
     def written(self, cond: Node, term: Sym) -> None:
         """Remember the current clause, and the goal or expression in it, as the source of a condition."""
         self.pool.come_from(cond, Source(self._clauses[-1], term))
-
-    # ---------------------------------------------------------------- bindings
 
     def bind(self, variable: Var, term: Sym) -> None:
         """Bind a variable until `undone` is left."""
@@ -257,8 +253,6 @@ class Unfolder:
         clause = self._clauses[-1]
         self.doubts.setdefault(Doubt(clause.span if clause is not None else None, otherwise), []).append(cond)
 
-    # ---------------------------------------------------------------- bodies
-
     def tree_of(self, goals: Sequence[Goal], emit: Sequence[Sym] = (), *, counting: bool = False) -> Tree:
         """Return the solutions of a separate conjunction, each as the terms of `emit`."""
         before, self.counting = self.counting, counting
@@ -359,8 +353,6 @@ class Unfolder:
                 self.pool.not_(undecided), branch(self.pool.exists(tree.loop, found), there, els())
             )
         return els()
-
-    # ---------------------------------------------------------------- goals
 
     def solve(self, goal: Goal, then: Continue) -> Tree:
         """Return the tree of `then` for each solution of a goal."""
@@ -477,8 +469,6 @@ class Unfolder:
                 if not self.unify(arg, value.data if value.is_const else value, conds):
                     return FAIL
             return guard(self.pool.and_(conds), then())
-
-    # ---------------------------------------------------------------- calls
 
     def call(self, predicate: Predicate, args: Sequence[Sym], then: Continue) -> Tree:
         """Return the solutions of a predicate of the program."""

@@ -143,8 +143,6 @@ class Pool:
         if node in self.sources:
             self.come_from(made, self.sources[node])
 
-    # ---------------------------------------------------------------- constants and columns
-
     def const(self, value: Atom | bool | int | float) -> Node:
         """Return a constant."""
         if isinstance(value, bool):
@@ -177,8 +175,6 @@ class Pool:
         """Return a loop that no quantifier binds yet."""
         self._levels += 1
         return self.make("loop", "index", (rows,), self._levels)
-
-    # ---------------------------------------------------------------- truth
 
     def not_(self, node: Node) -> Node:
         """Return the negation."""
@@ -268,8 +264,6 @@ class Pool:
             left, right = right, left
         return self.make("eq", "bool", (left, right))
 
-    # ---------------------------------------------------------------- choice
-
     def choose(self, cond: Node, then: Node, els: Node) -> Node:
         """Return `then` if `cond` holds, else `els`."""
         if cond.is_const:
@@ -291,8 +285,6 @@ class Pool:
             raise ValueError(f"no value is of kind {then.kind} or {els.kind}")
         bounds = (min(then.low, els.low), max(then.high, els.high))
         return self.make("select", kind, (cond, then, els), None, bounds)
-
-    # ---------------------------------------------------------------- quantifiers
 
     def exists(self, loop: Node, cond: Node) -> Node:
         """Return the condition that some row meets `cond`."""
@@ -365,8 +357,6 @@ class Pool:
         """Return the rows that meet a condition of their own."""
         bound = self.make("loop", "index", (rows,), 0)
         return self.make("where", "rows", (rows, bound, self.substitute(cond, {loop: bound})))
-
-    # ---------------------------------------------------------------- substitution
 
     def substitute(self, node: Node, mapping: Mapping[Node, Node]) -> Node:
         """Return `node` with other nodes in place of loops."""

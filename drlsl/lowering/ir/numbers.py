@@ -79,8 +79,6 @@ class Arithmetic:
             raise NoValue
         raise AssertionError(f"no term: {term!r}")
 
-    # ---------------------------------------------------------------- kinds
-
     def _distribute(self, function: Callable[..., Node], *args: Node) -> Node | None:
         """Return `function` for each side of an argument that is an integer or a float by the scene."""
         for place, arg in enumerate(args):
@@ -147,8 +145,6 @@ class Arithmetic:
         unit = "an integer" if node.kind == "int" else "a number"
         self.need(self.pool.make("within", "bool", (node,), most), f"{unit} beyond {most:g}")
         return node
-
-    # ---------------------------------------------------------------- operations
 
     def operation(self, name: str, *args: Node) -> Node:
         """Return the value of an operation.
@@ -305,8 +301,6 @@ class Arithmetic:
             defined.append(pool.not_(negative))
         self.need(pool.and_(defined), "a power of a negative number, or of 0 to a negative exponent")
         return self._within(self._make("pow", "float", (base, exponent), _power_bounds(base, exponent)))
-
-    # ---------------------------------------------------------------- comparison
 
     def compare(self, name: str, left: Node, right: Node) -> Node:
         """Return the truth of a comparison."""

@@ -198,8 +198,6 @@ class Folder:
     def __init__(self, pool: Pool) -> None:
         self.pool = pool
 
-    # ---------------------------------------------------------------- whether there is a solution
-
     def exists(self, tree: Tree) -> Node:
         """Return the condition that there is a solution."""
         pool = self.pool
@@ -240,8 +238,6 @@ class Folder:
         if isinstance(tree, Each):
             return pool.exists(tree.loop, self.undecided(tree.body, whole=whole))
         return pool.false
-
-    # ---------------------------------------------------------------- the first solution
 
     def first(self, tree: Tree) -> tuple[Node, tuple[Sym, ...]]:
         """Return whether there is a solution, and the terms of the first.
@@ -323,8 +319,6 @@ class Folder:
         if isinstance(term, Node):
             return term
         return self.pool.const(term) if isinstance(term, Atom | int | float) else None
-
-    # ---------------------------------------------------------------- all solutions together
 
     def count(self, tree: Tree) -> Node:
         """Return the number of solutions."""
@@ -464,8 +458,6 @@ class Folder:
             cond, value = self.exists(tree.body), leaf.terms[0]
         bound = 1e6 * max(abs(value.low), abs(value.high))
         return pool.total(tree.loop, cond, value, start, (start.low - bound, start.high + bound))
-
-    # ---------------------------------------------------------------- how many solutions at most
 
     def single(self, tree: Tree) -> bool:
         """Return whether there is at most one solution."""

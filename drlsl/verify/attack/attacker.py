@@ -250,8 +250,6 @@ class _Attacker:
         hit = self._result.hit
         return self._result.scenes >= self._scenes or (hit is not None and hit.kind in ("exact", "tiers"))
 
-    # ---------------------------------------------------------------- scenes
-
     def _drawn(self) -> _Climbers | None:
         """Try scenes that are drawn anew; keep the closest for each way to break the property."""
         target = self._target
@@ -285,8 +283,6 @@ class _Attacker:
         far = self._target.far.distances(facts, count)
         self._result.close += int((far.min(axis=0) < _CLOSE).sum())
         return far
-
-    # ---------------------------------------------------------------- hits
 
     def _try(self, drawn: Drawn) -> dict[tuple[str, int], Rows]:
         """Run the array tier on scenes, and examine those that break the property."""

@@ -53,9 +53,6 @@ class Closeness:
         return np.array([np.broadcast_to(far.reshape(far.shape[-1]), (scenes,)) for far in results])
 
 
-# -------------------------------------------------------------------------------------------- steps
-
-
 class _Columns:
     """The columns of facts, each of shape (rows, N) or (rows, 1)."""
 
@@ -137,9 +134,6 @@ def _constant(_columns: _Columns, value: Any, kind: type) -> Array:
     return np.array([value])
 
 
-# -------------------------------------------------------------------------------------------- conditions
-
-
 class _Listing:
     """Lists the operations for nodes of a lowered program."""
 
@@ -156,8 +150,6 @@ class _Listing:
         if known is None:
             known = self._done[place] = make(node)
         return known
-
-    # ---------------------------------------------------------------- distances
 
     def far(self, node: Node, wanted: bool) -> int:
         """List the distance of `node` from being true, or false if not `wanted`."""
@@ -203,8 +195,6 @@ class _Listing:
         there = self._step(_unless, self._there(level, rows))
         return functools.reduce(partial(self._step, np.add), fars, there)
 
-    # ---------------------------------------------------------------- truth
-
     def _holds(self, node: Node) -> int:
         return self._once("holds", node, self._make_holds)
 
@@ -228,8 +218,6 @@ class _Listing:
             case "within":
                 return self._step(_OPS.within, self._value(node.args[0]), bound=node.data)
         raise AssertionError(f"no condition: {node.op}")
-
-    # ---------------------------------------------------------------- rows
 
     @contextmanager
     def _visiting(self, node: Node) -> Iterator[tuple[int, Node]]:
@@ -294,8 +282,6 @@ class _Listing:
             least = node.op == "argmin"
             return self._step(_best, mask, self._value(node.args[2]), least=least, axis=-(level + 2))
 
-    # ---------------------------------------------------------------- numbers and atoms
-
     def _value(self, node: Node) -> int:
         return self._once("value", node, self._make_value)
 
@@ -331,9 +317,6 @@ class _Listing:
         if node.op == "sum":
             return self._step(np.add, self._value(node.args[3]), self._step(_total, mask, value, axis=axis))
         return self._step(_extreme, mask, value, least=node.op == "min_of", axis=axis)
-
-
-# -------------------------------------------------------------------------------------------- operations
 
 
 def _column(columns: _Columns, key: tuple[str, int], place: int) -> Array:

@@ -67,9 +67,6 @@ def operation(row: Operation, args: Sequence[Enclosure], bits: int) -> Enclosure
     return _ARITHMETIC[row.node](*args)
 
 
-# -------------------------------------------------------------------------------------------- rational
-
-
 def _add(one: Enclosure, other: Enclosure) -> Enclosure:
     return Enclosure(one.low + other.low, one.high + other.high)
 
@@ -117,9 +114,6 @@ def _whole(row: Operation, args: Sequence[Enclosure]) -> Enclosure:
     if row.divides and values[-1] == 0:
         return NO_NUMBER
     return point(Fraction(row.compute(*values)))
-
-
-# -------------------------------------------------------------------------------------------- not rational
 
 
 def _sqrt(one: Enclosure, bits: int) -> Enclosure:

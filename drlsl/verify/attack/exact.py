@@ -83,8 +83,6 @@ class _Evaluation(ABC, Generic[N]):
         self._done: dict[Any, Any] = {}
         self.comparisons: dict[Place, Truth] = {}
 
-    # ---------------------------------------------------------------- arithmetic, exact or not
-
     @abstractmethod
     def _number(self, value: Any) -> N:
         """Return a constant, or a number of the facts."""
@@ -109,8 +107,6 @@ class _Evaluation(ABC, Generic[N]):
     def _either(self, one: N, other: N) -> N:
         """Return a number that is one of two."""
 
-    # ---------------------------------------------------------------- memory
-
     def _place(self, node: Node) -> Place:
         return node, tuple([self._row[loop] for loop in node.loops])
 
@@ -119,8 +115,6 @@ class _Evaluation(ABC, Generic[N]):
         if place not in self._done:
             self._done[place] = make(node)
         return self._done[place]
-
-    # ---------------------------------------------------------------- truth
 
     def truth(self, node: Node) -> Truth:
         """Return the truth of a node of kind bool."""
@@ -160,8 +154,6 @@ class _Evaluation(ABC, Generic[N]):
         if truth is None:
             raise CannotJudge
         return truth
-
-    # ---------------------------------------------------------------- rows
 
     def _visited(self, node: Node) -> list[tuple[Truth, int]]:
         """Return the rows that a quantifier visits, each with whether it counts."""
@@ -236,8 +228,6 @@ class _Evaluation(ABC, Generic[N]):
                 raise CannotJudge
             best = rival if beats else best
         return best
-
-    # ---------------------------------------------------------------- numbers and atoms
 
     def atom(self, node: Node) -> Atom:
         """Return the atom of a node."""

@@ -162,9 +162,6 @@ def _ends_of(layout: Layout, drawn: Drawn, places: _Places) -> dict[int, float]:
     return {lane + 1: float(ends[0, lane]) for lane in np.flatnonzero(there[0]).tolist()}
 
 
-# -------------------------------------------------------------------------------------------- exact numbers
-
-
 def exact_facts(layout: Layout, drawn: Drawn) -> ExactFacts | None:
     """Return the facts of the only scene in rational numbers; None if the proof does not cover it.
 

@@ -32,9 +32,6 @@ MOST_PIECES: Final = 100
 """More pieces than the interval of any bounded number has."""
 
 
-# ---------------------------------------------------------------- facts
-
-
 Columns: TypeAlias = Mapping[tuple[str, int], tuple[Approximation, Approximation]]
 """By relation and column, the bounds of its first row and of any other row."""
 
@@ -118,8 +115,6 @@ class Values:
         if known is None:
             known = self._contexts[key] = Context(ranges, blind=False)
         return known
-
-    # ---------------------------------------------------------------- forward
 
     def of(self, node: Node, context: Context) -> Approximation:
         """Return the bounds of a number."""
@@ -314,8 +309,6 @@ class Values:
         least = self.of(divisor, context).least
         return max(least, self.margin) if not context.blind and self.may_vanish(divisor, context) else least
 
-    # ---------------------------------------------------------------- conditions
-
     def sides(self, cond: Node, context: Context) -> tuple[Context | None, Context | None]:
         """Return the contexts where a condition holds, and where it does not."""
         return self.passed(cond, True, context), self.passed(cond, False, context)
@@ -408,8 +401,6 @@ class Values:
             rows, own, cond = rows.args
             inner = self.passed(self.pool.substitute(cond, {own: loop}), True, inner)
         return inner
-
-    # ---------------------------------------------------------------- backward
 
     def narrow(self, node: Node, low: float, high: float, context: Context) -> Context | None:
         """Return the context in which a number is in an interval; None: it never is."""

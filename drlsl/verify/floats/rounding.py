@@ -126,9 +126,6 @@ def _rounded(low: float, high: float, error: float, *, underflows: bool = False)
     return Approximation(low, high, wider(error + half_ulp(magnitude) + (_TINY if underflows else 0.0)))
 
 
-# ---------------------------------------------------------------- exact operations
-
-
 def negate(one: Approximation) -> Approximation:
     """Return -x."""
     return Approximation(-one.high, -one.low, one.error, one.unit)
@@ -158,9 +155,6 @@ def least_of(one: Approximation, other: Approximation) -> Approximation:
 def greatest_of(one: Approximation, other: Approximation) -> Approximation:
     """Return the maximum."""
     return negate(least_of(negate(one), negate(other)))
-
-
-# ---------------------------------------------------------------- operations that round
 
 
 def add(one: Approximation, other: Approximation) -> Approximation:
@@ -265,9 +259,6 @@ def quotient(low: float, high: float, other_low: float, other_high: float) -> tu
 def _times(one: float, other: float) -> float:
     """Return the product, 0 if a factor is 0, even if the other is infinite."""
     return one * other if one and other else 0.0
-
-
-# ---------------------------------------------------------------- functions of the C library
 
 
 def apply(row: Operation, *args: Approximation) -> Approximation:

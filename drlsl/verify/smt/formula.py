@@ -54,8 +54,6 @@ class Formula:
         self._loops: dict[Node, Indices] = {}
         self._done: dict[object, Any] = {}
 
-    # ---------------------------------------------------------------- memory
-
     def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
         """Return `make(node)`, computed once for each choice of the rows of the node's loops."""
         place = (what, node, *[self._loops[loop] for loop in node.loops])
@@ -66,8 +64,6 @@ class Formula:
 
     def _relation(self, relation: Relation) -> Sequence[Row]:
         return self._facts[relation.name, relation.arity]
-
-    # ---------------------------------------------------------------- truth
 
     def truth(self, node: Node) -> Bool:
         """Return the formula of a node of kind bool."""
@@ -177,8 +173,6 @@ class Formula:
             return all(map(self._is_constant, node.args[1:]))
         return node.op == "const" or (node.op == "col" and node.kind == "int")
 
-    # ---------------------------------------------------------------- atoms and small integers
-
     def finite(self, node: Node) -> Finite:
         """Return the possible constants of an atom or integer node."""
         result: Finite = self._once("finite", node, self._finite)
@@ -212,8 +206,6 @@ class Formula:
         relation, column = node.data
         rows = self._relation(relation)
         return [(cond, rows[place].columns[column]) for cond, place in self.index(node.args[0])]
-
-    # ---------------------------------------------------------------- rows
 
     def index(self, node: Node) -> Indices:
         """Return the possible rows of an index node."""
@@ -312,8 +304,6 @@ class Formula:
             found = list(enumerate(self._relation(rows.data)))[start:]
             return [(row.present, place) for place, row in found if row.present is not self.booleans.false]
         raise NotTranslatable(f"a formula has no {rows.op}")
-
-    # ---------------------------------------------------------------- numbers
 
     def value(self, node: Node) -> Value:
         """Return the value of a number node."""

@@ -201,8 +201,6 @@ class Ring:
         """Return a power of one unknown."""
         return self.make({((unknown, power),): 1})
 
-    # ---------------------------------------------------------------- bounds
-
     def interval(self, one: Polynomial) -> Interval:
         """Return bounds on the value that follow from those of the unknowns."""
         known = self._intervals.get(one.number)

@@ -87,8 +87,6 @@ class Cvc5:
             else Answer("unknown")
         )
 
-    # ---------------------------------------------------------------- to cvc5
-
     def _bound(self, api: Any, solver: Any, term: Any, bounds: Interval) -> None:
         low, high = bounds
         if low is not None:
@@ -133,8 +131,6 @@ class Cvc5:
             raise AssertionError("a division that is not cleared")
         names = [self._numbers.setdefault(unknown, api.Real(f"u#{unknown}")) for unknown, _ in monomial]
         return [name for name, (_, power) in zip(names, monomial, strict=True) for _ in range(power)]
-
-    # ---------------------------------------------------------------- and back
 
     def _holds(self, api: Any, model: Any, truths: Iterable[Bool]) -> bool:
         """Return whether exact arithmetic confirms the numbers of a model."""

@@ -178,8 +178,6 @@ class Solver:
                 solver.add(self._number(number) == self._rational(value))
         return self._outcome(solver)
 
-    # ---------------------------------------------------------------- asking
-
     @cached_property
     def _context(self) -> Any:
         """The context of all terms, made when the first question has to be asked."""
@@ -240,8 +238,6 @@ class Solver:
             return
         for unknown in leaf.data.unknowns:
             yield from self._algebra.definitions.get(unknown, ())
-
-    # ---------------------------------------------------------------- to z3 and back
 
     def _rational(self, value: Rational) -> Any:
         if value not in self._rationals:

@@ -94,8 +94,6 @@ class SymbolicScene:
         self._order()
         self._facts(ends=ends)
 
-    # ---------------------------------------------------------------- unknowns
-
     def _unknown(self, kind: str, name: str, bounds: Range | None = None) -> Polynomial:
         """Return a number of that kind, within its range."""
         low, high = bounds or self.ranges[kind]
@@ -236,8 +234,6 @@ class SymbolicScene:
             # an absent one may be anywhere, so all may be assumed to be in range
             algebra.assume(near)
 
-    # ---------------------------------------------------------------- facts
-
     def _facts(self, *, ends: bool) -> None:
         algebra, booleans = self.algebra, self.algebra.booleans
         true = booleans.true
@@ -320,8 +316,6 @@ class SymbolicScene:
                 both = booleans.and_((one.present, other.present))
                 result.append(booleans.implies(both, booleans.or_(clear)))
         return [*result, *(booleans.not_(box.lane[0]) for box in self._boxes)]
-
-    # ---------------------------------------------------------------- from a model to a scene
 
     def scene(self, model: Model) -> tuple[Scene, str]:
         """Return the scene that a model describes, and the name of the vehicle in focus, or `NOBODY`."""

@@ -105,8 +105,6 @@ class Algebra:
         self._above.clear()
         self._less.clear()
 
-    # ---------------------------------------------------------------- making values
-
     def choose(self, cond: Bool, then: Value, els: Value) -> Value:
         """Return `then` if `cond` holds, else `els`."""
         if cond is self.booleans.true or then is els:
@@ -190,8 +188,6 @@ class Algebra:
             value.least is not turns,
             [(guard, self.leafwise(part, function, turns=turns)) for guard, part in value.members],
         )
-
-    # ---------------------------------------------------------------- arithmetic
 
     def add(self, one: Value, other: Value) -> Value:
         """Return the sum."""
@@ -309,8 +305,6 @@ class Algebra:
             self._unknowns[place] = self._new(function, bounds)
         return self._unknowns[place]
 
-    # ---------------------------------------------------------------- bounds
-
     def interval(self, value: Value) -> Interval:
         """Return bounds on a value."""
         if isinstance(value, Polynomial):
@@ -332,8 +326,6 @@ class Algebra:
             else:
                 low = _tightest(max, [low, *(bound for bound, _ in always)])
         return (low, high)
-
-    # ---------------------------------------------------------------- comparison
 
     def less(self, one: Value, other: Value) -> Bool:
         """Return one < other."""

@@ -106,8 +106,6 @@ class Drawer:
                 result.there[table.key][again] = fresh.there[table.key][again]
         return result
 
-    # ---------------------------------------------------------------- forms
-
     def arrays(self, sets: Sets) -> dict[Key, Rows]:
         """Return the facts as the array tier reads them."""
         found: dict[Key, Rows] = {}
