@@ -28,7 +28,7 @@ PIECE: Final = 4
 """The column of a film's `cells` behind those of the motion: the row of `pieces`."""
 
 CELL: Final = PIECE + 1
-"""The numbers of a cell."""
+"""How many numbers a cell, a slot in a frame, has."""
 
 VEHICLE, LANE, FIRST, LENGTH, WIDTH = range(5)
 """The columns of `Film.pieces`."""

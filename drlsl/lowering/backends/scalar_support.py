@@ -23,17 +23,17 @@ def row_reader(relation: Relation, used: Sequence[int]) -> Callable[[Facts], Seq
 
     It raises `Undecided` if they do not.
     """
-    key, conform = (relation.name, relation.arity), _quick_check(relation, used)
+    key, conform = (relation.name, relation.arity), _check(relation, used)
 
     def read(facts: Facts) -> Sequence[Row]:
         rows = facts.get(key, ())
-        return rows if conform(rows) else _checked_rows(rows, relation, used)
+        return rows if conform(rows) else _converted(rows, relation, conform)
 
     return read
 
 
-def _quick_check(relation: Relation, used: Sequence[int]) -> Callable[[Sequence[Row]], bool]:
-    """Return a test of rows: nearly all that conform to the schema pass, and none that do not."""
+def _check(relation: Relation, used: Sequence[int]) -> Callable[[Sequence[Row]], bool]:
+    """Return the test whether rows conform to the schema in the columns that are used, as they are."""
     single, first, key, lengths = relation.single, relation.first, relation.key, {relation.arity}
     floats = _values_at([place for place in used if relation.columns[place] == "float"])
     others = [
@@ -49,7 +49,7 @@ def _quick_check(relation: Relation, used: Sequence[int]) -> Callable[[Sequence[
                 and set(map(len, rows)) == lengths
                 and (key is None or len({row[key] for row in rows}) == len(rows))
                 and (first is None or rows[0][key or 0] == first)
-                and sum(map(_absolute, chain.from_iterable(map(floats, rows)))) <= FLOAT_BOUND
+                and _are_sound([*chain.from_iterable(map(floats, rows))])
                 and (not others or all(_is_sound([*map(value, rows)], kind) for value, kind in others))
             )
         except (TypeError, ValueError):
@@ -65,42 +65,39 @@ def _values_at(places: Sequence[int]) -> Callable[[Row], Sequence[Any]]:
     return itemgetter(*places) if places else itemgetter(slice(0))
 
 
-def _checked_rows(rows: Sequence[Row], relation: Relation, used: Sequence[int]) -> Sequence[Row]:
+def _converted(
+    rows: Sequence[Row], relation: Relation, conform: Callable[[Sequence[Row]], bool]
+) -> Sequence[Row]:
+    """Return rows with each value of its column's kind, such as floats for integers.
+
+    Raises:
+        Undecided: they do not conform to the schema all the same.
+    """
+    name = f"{relation.name}/{relation.arity}"
     try:
-        return _checked(rows, relation, used)
-    except TypeError:  # an integer in a column of floats, or an impossible value
-        try:
-            return _checked(relation.conform(rows), relation, used)
-        except (TypeError, ValueError) as error:
-            raise Undecided(str(error)) from error
-
-
-def _checked(rows: Sequence[Row], relation: Relation, used: Sequence[int]) -> Sequence[Row]:
+        rows = relation.conform(rows)
+    except (TypeError, ValueError) as error:
+        raise Undecided(str(error)) from error
+    if conform(rows):
+        return rows
     if relation.single and len(rows) != 1:
-        raise Undecided(f"{len(rows)} rows of {relation.name}/{relation.arity}")
+        raise Undecided(f"{len(rows)} rows of {name}")
     if relation.first is not None and (not rows or rows[0][relation.key or 0] != relation.first):
-        raise Undecided(f"{relation.name}/{relation.arity} does not begin with {relation.first}")
-    try:
-        columns = list(zip(*rows, strict=True))
-        if rows and len(columns) != relation.arity:
-            raise Undecided(f"a row of {relation.name}/{relation.arity} has {len(columns)} values")
-        unique = relation.key is None or len(rows) < 2 or len(set(columns[relation.key])) == len(rows)
-        if not rows or (unique and all(_is_sound(columns[place], relation.columns[place]) for place in used)):
-            return rows
-    except ValueError as error:
-        raise Undecided(f"{relation.name}/{relation.arity}: {error}") from error
-    raise Undecided(f"a row of {relation.name}/{relation.arity} does not conform to the schema")
+        raise Undecided(f"{name} does not begin with {relation.first}")
+    raise Undecided(f"a row of {name} does not conform to the schema")
+
+
+def _are_sound(floats: Sequence[Any]) -> bool:
+    # one sum is faster than checking each, and sufficient if all are small
+    return sum(map(_absolute, floats)) <= FLOAT_BOUND or all(abs(x) <= FLOAT_BOUND for x in floats)
 
 
 def _is_sound(column: Sequence[Any], kind: str) -> bool:
-    if kind == "float":
-        # one sum is faster than checking each, and sufficient if all are small
-        return sum(map(_absolute, column)) <= FLOAT_BOUND or all(abs(x) <= FLOAT_BOUND for x in column)
+    """Return whether a column of names or of integers is sound."""
+    kinds = set(map(type, column))
     if kind == "atom":
-        return set(map(type, column)) == {str}
-    if set(map(type, column)) != {int}:
-        raise TypeError
-    return bool(min(column) >= -INT_BOUND and max(column) <= INT_BOUND)
+        return kinds == {str}
+    return kinds == {int} and min(column) >= -INT_BOUND and max(column) <= INT_BOUND
 
 
 def blank_row(relation: Relation) -> Row:
