@@ -296,9 +296,11 @@ def test_facts_that_are_not_as_the_schema_says(scene: Facts) -> None:
         facts(cars=[("ego", 1.0, 0.0)]),  # type: ignore[list-item]  # the mistake that is tested
         facts(lanes=[(1, 5, 2.0)]),  # type: ignore[list-item]  # the mistake that is tested
         {**facts(), ("limit", 1): [(1.0, 2.0)]},
+        {**facts(), ("limit", 1): [(1.0,), (2.0,)]},
+        {**facts(), ("limit", 1): []},
     ],
 )
-def test_values_of_another_kind(scene: Facts) -> None:
+def test_values_of_another_kind_or_number(scene: Facts) -> None:
     text = "p(X) :- car(_, K, X), lane(K, left, _), limit(L), X < L."
     with pytest.raises(Undecided):
         compile_scalar(lower(engine_of(text), SCHEMA, [Query("p", 1, "first")]))(scene)
