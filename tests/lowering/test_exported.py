@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from drlsl.logic import Engine
 from drlsl.logic.core import NODES
 from drlsl.lowering.backends import compile_scalar
-from drlsl.lowering.backends.answer_lists import roots_of
+from drlsl.lowering.backends.answer_lists import results_of
 from drlsl.lowering.backends.curly import offered
 from drlsl.lowering.frontend import Lowered, Query, lower
 from drlsl.lowering.ir import NotLowerable, Undecided, reach
@@ -86,8 +86,10 @@ def check(run: Run, count: int, folder: Path) -> None:
     decided = 0
     for lowered, some, given_answers in zip(found, scenes, answers, strict=True):
         scalar = compile_scalar(lowered)
-        roots = [node for one in lowered.answers for node in (*roots_of(one), one.undecided)]
-        ulps = 2 if any(node.op in INEXACT for node in reach(roots)) else 0
+        roots = [node for node, _ in results_of(lowered.pool, lowered.answers)]
+        roots += [one.undecided for one in lowered.answers]
+        used = [node for node, _ in results_of(lowered.pool, lowered.answers)]
+        ulps = 2 if any(node.op in INEXACT for node in reach(used)) else 0
         for facts, answer in zip(some, given_answers, strict=True):
             try:
                 wanted = loose(list(scalar(facts)))
@@ -164,7 +166,8 @@ def test_every_operation_at_many_values(run: Run, tmp_path: Path) -> None:
     answers = run(found, scenes, tmp_path)
     for lowered, some, given_answers in zip(found, scenes, answers, strict=True):
         scalar = compile_scalar(lowered)
-        ulps = 2 if any(node.op in INEXACT for node in reach(roots_of(lowered.answers[0]))) else 0
+        used = [node for node, _ in results_of(lowered.pool, lowered.answers)]
+        ulps = 2 if any(node.op in INEXACT for node in reach(used)) else 0
         for facts, answer in zip(some, given_answers, strict=True):
             try:
                 (wanted,) = scalar(facts)

@@ -121,8 +121,10 @@ class RuleProgram:
     @staticmethod
     def is_exact(lowered: Lowered) -> bool:
         """Return whether a program only calls functions that every language rounds alike."""
-        roots = [node for one in lowered.answers for node in (*tree_nodes(one.tree), one.undecided)]
-        return not any(node.op in _INEXACT for node in reach(roots))
+        pool = lowered.pool
+        used = [node for one in lowered.answers for node, _ in tree_nodes(pool, one.tree, pool.true)]
+        undecided = [one.undecided for one in lowered.answers]
+        return not any(node.op in _INEXACT for node in reach([*used, *undecided]))
 
     def _lowered(self, queries: Sequence[Query]) -> Lowered:
         return lower(self.shield.engine, SCHEMA, queries)

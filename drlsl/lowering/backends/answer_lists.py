@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from drlsl.logic.terms import NIL, Atom, Struct
 from drlsl.lowering.backends.expressions import CHOICE, OR
 from drlsl.lowering.backends.loops import LoopPrinter
 from drlsl.lowering.frontend import Answer
-from drlsl.lowering.ir import Bag, Branch, Each, Emit, Guard, Node, Sym, Tree, children, relation_of, resolve
+from drlsl.lowering.ir import (
+    Bag,
+    Branch,
+    Each,
+    Emit,
+    Guard,
+    Node,
+    Pool,
+    Sym,
+    Tree,
+    children,
+    relation_of,
+    resolve,
+)
 
 
 class SolutionLoops(LoopPrinter):
@@ -161,37 +174,56 @@ class AnswerLists(SolutionLoops):
         return self.compound(term.name, list(map(self._term, term.args)))
 
 
-def roots_of(answer: Answer) -> list[Node]:
-    """Return the nodes of an answer that is a list of solutions or one of them."""
-    if answer.query.mode == "holds":
-        return [answer.found]
-    if answer.query.mode == "first" and answer.terms is not None:
-        return [answer.found, *(node for term in answer.terms for node in nodes_of(term))]
-    if answer.query.mode == "set" and answer.choices is not None and answer.in_order:
-        return [cond for _, cond in answer.choices]
-    return list(tree_nodes(answer.tree))
+def results_of(pool: Pool, answers: Iterable[Answer]) -> Iterator[tuple[Node, Node]]:
+    """Yield the nodes of answers that are lists of solutions or one of them.
+
+    Each comes with the condition under which it is used.
+    """
+    for answer in answers:
+        mode = answer.query.mode
+        if mode == "holds":
+            yield answer.found, pool.true
+        elif mode == "first" and answer.terms is not None:
+            yield answer.found, pool.true
+            for term in answer.terms:
+                yield from _nodes_of(pool, term, pool.true)
+        elif mode == "set" and answer.choices is not None and answer.in_order:
+            for _, cond in answer.choices:
+                yield cond, pool.true
+        else:
+            yield from tree_nodes(pool, answer.tree, pool.true)
 
 
-def nodes_of(term: Sym) -> Iterator[Node]:
+def tree_nodes(pool: Pool, tree: Tree, when: Node) -> Iterator[tuple[Node, Node]]:
+    """Yield the nodes in a tree of solutions that is used under a condition, each with its own."""
+
+    def inside(cond: Node) -> Node:
+        return when if cond.free else pool.and_([when, cond])
+
+    if isinstance(tree, Branch):
+        yield tree.cond, when
+        yield from tree_nodes(pool, tree.then, inside(tree.cond))
+        yield from tree_nodes(pool, tree.els, inside(pool.not_(tree.cond)))
+        return
+    if isinstance(tree, Emit):
+        for term in tree.terms:
+            yield from _nodes_of(pool, term, when)
+    if isinstance(tree, Each):
+        yield tree.loop, when
+    if isinstance(tree, Guard):
+        yield tree.cond, when
+        when = inside(tree.cond)
+    for child in children(tree):
+        yield from tree_nodes(pool, child, when)
+
+
+def _nodes_of(pool: Pool, term: Sym, when: Node) -> Iterator[tuple[Node, Node]]:
     """Yield the nodes in a term."""
     term = resolve(term)
     if isinstance(term, Node):
-        yield term
+        yield term, when
     elif isinstance(term, Struct):
         for arg in term.args:
-            yield from nodes_of(arg)
+            yield from _nodes_of(pool, arg, when)
     elif isinstance(term, Bag):
-        yield from tree_nodes(term.tree)
-
-
-def tree_nodes(tree: Tree) -> Iterator[Node]:
-    """Yield the nodes in a tree of solutions."""
-    if isinstance(tree, Guard | Branch):
-        yield tree.cond
-    if isinstance(tree, Each):
-        yield tree.loop
-    if isinstance(tree, Emit):
-        for term in tree.terms:
-            yield from nodes_of(term)
-    for child in children(tree):
-        yield from tree_nodes(child)
+        yield from tree_nodes(pool, term.tree, when)

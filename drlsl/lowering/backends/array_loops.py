@@ -87,10 +87,9 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
 
     def __init__(self, lowered: Lowered) -> None:
         self.forms = array_forms(lowered)
-        self.undecided = lowered.pool.or_(answer.undecided for answer in lowered.answers)
-        roots = [self.undecided, *(root for form in self.forms for root in form.roots)]
-        super().__init__(lowered.pool, Names(_RESERVED), roots)
-        self.codes = atom_codes(lowered, roots)
+        roots = [root for form in self.forms for root in form.roots]
+        super().__init__(lowered, Names(_RESERVED), [(root, lowered.pool.true) for root in roots])
+        self.codes = atom_codes(lowered, self.reached)
         read = self.columns()
         relations = [relation for relation in lowered.schema.relations.values() if relation in read]
         self.given = {relation: self._given(relation, read[relation]) for relation in relations}
@@ -178,34 +177,46 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
             self.share([self.undecided])
             with self.block(f"if {self.text(self.undecided, CHOICE)}"):
                 self.write("continue")
-        self.share(self.roots[1:])
+        self.share(self.roots)
         for form, output in zip(self.forms, self.outputs, strict=True):
             self._answer(form, output)
         self.write("undecided[scene] = False")
 
     def _check_facts(self) -> None:
         for given in self.given.values():
-            tests = list(self._soundness(given))
+            tests = list(self._tests(given))
+            if given.columns and not given.relation.single:
+                tests.insert(0, self._rows_are_sound(given))
             if tests:
                 self.write(f"if not ({' and '.join(tests)}):")
                 self.write("    continue")
 
-    def _soundness(self, given: Given) -> Iterator[str]:
+    def _tests(self, given: Given) -> Iterator[str]:
+        """Yield the tests of a relation's facts, but that of each row."""
         relation, valid, table = given.relation, given.valid.name, given.table
         if relation.single:
             yield f"{valid}[{table}]"
-        elif relation.first is not None:
+            for column in given.columns.values():
+                yield _is_sound(column, table)
+            return
+        if relation.first is not None:
             yield f"{valid}[{table}, 0]"
-        for place, column in given.columns.items():
-            if relation.single:
-                yield f"is_sound_{'float' if column.kind == 'float' else 'integer'}({column.name}[{table}])"
-            else:
-                kind = "floats" if column.kind == "float" else "integers"
-                yield f"{kind}_are_sound({column.name}, {valid}, {table})"
-                if place == relation.key:
-                    yield f"keys_differ({column.name}, {valid}, {table})"
-                if place == relation.key and relation.first is not None:
-                    yield f"{column.name}[{table}, 0] == {self.atom(relation.first)}"
+        if relation.key in given.columns:
+            key = given.columns[relation.key].name
+            yield f"keys_differ({key}, {valid}, {table})"
+            if relation.first is not None:
+                yield f"{key}[{table}, 0] == {self.atom(relation.first)}"
+
+    def _rows_are_sound(self, given: Given) -> str:
+        """Write the loop that checks a relation's rows; return the variable for whether all are."""
+        sound, row = self.names.new("sound"), self.names.new("row")
+        place = f"{given.table}, {row}"
+        self.write(f"{sound} = True")
+        with self.block(f"for {row} in range({given.shape.name}.shape[1])"):
+            # in one loop, and without a jump: an array of few rows is passed many times
+            tests = " & ".join(_is_sound(column, place) for column in given.columns.values())
+            self.write(f"{sound} &= (not {given.valid.name}[{place}]) | ({tests})")
+        return sound
 
     def _answer(self, form: Form, output: tuple[Parameter, ...]) -> None:
         value = output[0].name
@@ -369,3 +380,7 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
         key = given.columns[given.relation.key or 0].name
         value = self.text(lookup_value(node), CHOICE)
         return f"place_of({value}, {key}, {given.valid.name}, {given.table})"
+
+
+def _is_sound(column: Parameter, place: str) -> str:
+    return f"is_sound_{'float' if column.kind == 'float' else 'integer'}({column.name}[{place}])"

@@ -42,7 +42,10 @@ class Rows:
         """N, or 1 if all scenes share the rows."""
         if self.index is not None:
             return len(self.index)
-        return _common(array.shape[0] for array in (*self.columns, self.valid) if array is not None)
+        for array in (*self.columns, self.valid):
+            if array is not None and array.shape[0] != 1:
+                return int(array.shape[0])
+        return 1
 
 
 def _common(lengths: Iterable[int]) -> int:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from drlsl.logic.terms import Atom, Struct
-from drlsl.lowering.backends.answer_lists import roots_of
+from drlsl.lowering.backends.answer_lists import results_of
 from drlsl.lowering.backends.curly import CurlyLoops, constant, field_name, support
 from drlsl.lowering.backends.expressions import ATOMIC, CHOICE, lookup_value
 from drlsl.lowering.frontend import Answer, Lowered, Query, atom_codes
@@ -94,15 +94,12 @@ class _Printer(CurlyLoops):
         most_solutions: Mapping[str, int],
         atoms: Sequence[str],
     ) -> None:
-        self.lowered = lowered
+        super().__init__(lowered, _results(lowered))
         self.prefix = prefix
-        self.undecided = lowered.pool.or_(answer.undecided for answer in lowered.answers)
-        roots = [self.undecided, *(root for answer in lowered.answers for root in _roots(answer))]
-        super().__init__(lowered.pool, roots)
         constants = [
             name for answer in lowered.answers for leaf in emitted(answer.tree) for name in _names(leaf.terms)
         ]
-        codes = atom_codes(lowered, roots)
+        codes = atom_codes(lowered, self.reached)
         self.codes = {
             name: -1 - place for place, name in enumerate(dict.fromkeys([*atoms, *codes, *constants]))
         }
@@ -227,7 +224,7 @@ class _Printer(CurlyLoops):
             self.share([self.undecided])
             with self.block(self.test(self.text(self.undecided, CHOICE))):
                 self.write("return false;")
-        self.share(self.roots[1:])
+        self.share(self.roots)
         for answer in self.lowered.answers:
             self._answer(answer)
         self.write("return true;")
@@ -308,13 +305,16 @@ def _most(answer: Answer, given: Mapping[str, int]) -> int:
     return given[answer.query.name]
 
 
-def _roots(answer: Answer) -> list[Node]:
-    if answer.query.mode == "set" and answer.choices is not None:
-        return [cond for _, cond in answer.choices]
-    roots = roots_of(answer)
-    for leaf in emitted(answer.tree):
-        _check_terms(answer.query, leaf)
-    return roots
+def _results(lowered: Lowered) -> Iterator[tuple[Node, Node]]:
+    """Yield the nodes of the answers, each with the condition under which it is used."""
+    for answer in lowered.answers:
+        if answer.query.mode == "set" and answer.choices is not None:
+            for _, cond in answer.choices:
+                yield cond, lowered.pool.true
+            continue
+        for leaf in emitted(answer.tree):
+            _check_terms(answer.query, leaf)
+        yield from results_of(lowered.pool, [answer])
 
 
 def _check_terms(query: Query, leaf: Emit) -> None:

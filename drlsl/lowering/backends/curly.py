@@ -28,7 +28,8 @@ from drlsl.lowering.backends.expressions import (
     is_defined,
 )
 from drlsl.lowering.backends.place_loops import PlaceLoops
-from drlsl.lowering.ir import INT_BOUND, Names, Node, NotLowerable, Pool, Relation, relation_of
+from drlsl.lowering.frontend import Lowered
+from drlsl.lowering.ir import INT_BOUND, Names, Node, NotLowerable, Relation, relation_of
 
 MOST: Final = INT_BOUND - 1
 """The largest integer."""
@@ -56,8 +57,8 @@ class CurlyLoops(PlaceLoops, SolutionLoops):
     fixed: str
     """The words that declare a place that stays."""
 
-    def __init__(self, pool: Pool, roots: Sequence[Node]) -> None:
-        super().__init__(pool, Names(_WORDS.split(), ascii_only=True), roots)
+    def __init__(self, lowered: Lowered, results: Iterable[tuple[Node, Node]]) -> None:
+        super().__init__(lowered, Names(_WORDS.split(), ascii_only=True), results)
         # the arrays of rows; with _count, the numbers of rows
         self.rows = {relation: self.names.new(relation.name) for relation in self.columns()}
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
-from drlsl.lowering.ir import Names, Node, Relation, relation_of
+from drlsl.lowering.ir import QUANTIFIERS, Names, Node, Relation, relation_of
 
 ATOMIC, UNARY, SUM, COMPARISON, NOT, AND, OR, CHOICE = 20, 13, 11, 6, 5, 4, 3, 1
 """How strongly a language binds, from values and calls to a choice."""
@@ -22,6 +22,11 @@ def is_lookup(node: Node) -> bool:
         side.op == "col" and side.args[0] is loop and side.data[1] == relation.key and loop not in other.free
         for side, other in (node.args[1].args, node.args[1].args[::-1])
     )
+
+
+def is_loop(node: Node) -> bool:
+    """Return whether a value takes a loop over rows."""
+    return node.op == "where" or (node.op in QUANTIFIERS and not is_lookup(node))
 
 
 def lookup_value(node: Node) -> Node:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from importlib.resources import files
 
-from drlsl.lowering.backends.answer_lists import AnswerLists, roots_of
+from drlsl.lowering.backends.answer_lists import AnswerLists, results_of
 from drlsl.lowering.backends.curly import CurlyLoops, constant, field_name, support
 from drlsl.lowering.backends.expressions import CHOICE, lookup_value
 from drlsl.lowering.frontend import Lowered
@@ -44,10 +44,7 @@ class _Printer(CurlyLoops, AnswerLists):
     counter, fixed = "let", "const"
 
     def __init__(self, lowered: Lowered) -> None:
-        self.lowered = lowered
-        self.undecided = lowered.pool.or_(answer.undecided for answer in lowered.answers)
-        roots = [self.undecided, *(root for answer in lowered.answers for root in roots_of(answer))]
-        super().__init__(lowered.pool, roots)
+        super().__init__(lowered, results_of(lowered.pool, lowered.answers))
 
     def module(self, name: str) -> str:
         """Return the text of the function."""
@@ -58,7 +55,7 @@ class _Printer(CurlyLoops, AnswerLists):
         if self.undecided is not self.pool.false:
             self.share([self.undecided])
             self.write(f"if ({self.text(self.undecided, CHOICE)}) return null;")
-        self.share(self.roots[1:])
+        self.share(self.roots)
         results = [self.answer(answer) for answer in self.lowered.answers]
         self.write(f"return [{', '.join(results)}];")
         return "\n".join([f"function {name}(facts) {{", *self.lines, "}", ""])

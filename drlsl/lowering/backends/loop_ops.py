@@ -60,22 +60,6 @@ def is_sound_integer(value: int) -> bool:
     return (value >= -INT_BOUND) & (value <= INT_BOUND)
 
 
-def floats_are_sound(column: Array, valid: Mask, table: int) -> bool:
-    """Return whether the floats of the existing rows are within bounds."""
-    sound = True
-    for row in range(column.shape[1]):
-        sound &= is_sound_float(column[table, row]) | (not valid[table, row])
-    return sound
-
-
-def integers_are_sound(column: Array, valid: Mask, table: int) -> bool:
-    """Return whether the integers of the existing rows are within bounds."""
-    sound = True
-    for row in range(column.shape[1]):
-        sound &= is_sound_integer(column[table, row]) | (not valid[table, row])
-    return sound
-
-
 def keys_differ(keys: Array, valid: Mask, table: int) -> bool:
     """Return whether no two existing rows have the same key."""
     rows = keys.shape[1]
@@ -118,7 +102,7 @@ def choose(cond: bool, then: float, els: float) -> float:
 
 _HERE: Final[list[Callable[..., Any]]] = [
     *(filled, alike, fits, table_of, places, blank, choose),
-    *(is_sound_float, is_sound_integer, floats_are_sound, integers_are_sound, keys_differ, place_of),
+    *(is_sound_float, is_sound_integer, keys_differ, place_of),
 ]
 
 OPS: Final[dict[str, Callable[..., Any]]] = {

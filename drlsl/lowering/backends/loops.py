@@ -14,8 +14,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from drlsl.lowering.backends.expressions import CHOICE, SUM, ExpressionText, is_lookup
-from drlsl.lowering.ir import QUANTIFIERS, Names, Node, Pool, Relation, conjuncts, reach, relation_of
+from drlsl.lowering.backends.expressions import CHOICE, SUM, ExpressionText, is_lookup, is_loop
+from drlsl.lowering.backends.needs import Needs
+from drlsl.lowering.frontend import Lowered
+from drlsl.lowering.ir import QUANTIFIERS, Names, Node, Relation, conjuncts, reach, relation_of
 
 _TRIVIAL: Final = frozenset({"const", "col", "loop", "row", "facts", "others", "where"})
 
@@ -52,13 +54,18 @@ class LoopPrinter(ExpressionText):
     Subclasses define how rows are stored, and the words of the language.
     """
 
-    def __init__(self, pool: Pool, names: Names, roots: Sequence[Node]) -> None:
+    def __init__(self, lowered: Lowered, names: Names, results: Iterable[tuple[Node, Node]]) -> None:
+        """Take over the values of the answers, each with the condition under which it is used."""
         super().__init__(names)
-        self.pool = pool
+        results = list(results)
+        self.lowered = lowered
+        self.pool = lowered.pool
+        self.undecided = self.pool.or_(answer.undecided for answer in lowered.answers)
+        self.roots = [node for node, _ in results]
+        self._results = [(self.undecided, self.pool.true), *results]
         self.lines: list[str] = []
         self.depth = 1
-        self.roots = roots
-        self.reached = reach(roots)
+        self.reached = reach(node for node, _ in self._results)
         self.stages: dict[Node, int] = {}
 
     @abstractmethod
@@ -157,16 +164,44 @@ class LoopPrinter(ExpressionText):
         return {relation: sorted(used) for relation, used in found.items()}
 
     def sweep(self) -> None:
-        """Write every loop over rows."""
-        for loop in self._loops():
-            self._sweep(loop)
+        """Write every loop over rows, each where its values count."""
+        for loop, when in self._guarded(self._loops()):
+            self._sweep(loop, when)
+
+    def _guarded(self, loops: Sequence[_Loop]) -> list[tuple[_Loop, Node]]:
+        """Return loops with the conditions under which their values count.
+
+        A loop comes after those that tell whether it need run at all.
+        """
+        needs = Needs(self.pool, self._results, self.reached)
+        order: list[tuple[_Loop, Node]] = []
+        before = set(self._members(loops))
+        for loop in reversed(loops):
+            before.difference_update(loop.members)
+            last = next(
+                (place for place, (other, when) in enumerate(order) if self._reads(other, when, loop)),
+                len(order),
+            )
+            known = before.union(self._members(other for other, _ in order[:last]))
+            when = needs.of(loop.members, known)
+            guarded = when is not self.pool.true and not relation_of(loop.rows).single
+            order.insert(last if guarded else 0, (loop, when if guarded else self.pool.true))
+        return order
+
+    def _members(self, loops: Iterable[_Loop]) -> list[Node]:
+        return [member for loop in loops for member in loop.members]
+
+    def _reads(self, loop: _Loop, when: Node, other: _Loop) -> bool:
+        """Return whether a loop, or the condition for it, depends on another loop."""
+        parts = reach([when, *(arg for member in loop.members for arg in member.args)])
+        return any(member in parts for member in other.members)
 
     def _stage(self, node: Node) -> int:
         """Return the number of successive loops that a value depends on."""
         known = self.stages.get(node)
         if known is None:
             known = max((self._stage(arg) for arg in node.args), default=0)
-            if not node.free and (node.op == "where" or (node.op in QUANTIFIERS and not is_lookup(node))):
+            if not node.free and is_loop(node):
                 known += 1
             self.stages[node] = known
         return known
@@ -176,7 +211,7 @@ class LoopPrinter(ExpressionText):
         waiting: dict[Node, list[Node]] = {}  # by the rows that they loop over
         latest: dict[Node, int] = {}
         for node in self.reached:
-            if node.op == "where" or (node.op in QUANTIFIERS and not is_lookup(node)):
+            if is_loop(node):
                 if node.free:
                     continue
                 waiting.setdefault(node.args[0] if node.op == "where" else node.args[0].args[0], []).append(
@@ -196,11 +231,23 @@ class LoopPrinter(ExpressionText):
             loop.members.sort(key=lambda node: node.order)
         return [loops[key] for key in sorted(loops, key=lambda key: (key[0], key[1].order))]
 
-    def _sweep(self, loop: _Loop) -> None:
-        """Write one loop for all its members."""
-        self._name_outside(loop.members)
+    def _sweep(self, loop: _Loop, when: Node) -> None:
+        """Write one loop for all its members, run where a condition holds."""
         bound = self.pool.make("loop", "index", (loop.rows,), 0)
-        self._loop(bound, [self._item(member, alone=len(loop.members) == 1) for member in loop.members])
+        if when is self.pool.true:
+            self._name_outside(loop.members)
+            self._loop(bound, self._items(loop))
+            return
+        if when not in self.known:
+            self.share([when])
+            self.assign(when)
+        items = self._items(loop)
+        with self.block(self.test(self.known[when])):
+            self._name_outside(loop.members)
+            self._loop(bound, items)
+
+    def _items(self, loop: _Loop) -> list[Item]:
+        return [self._item(member, alone=len(loop.members) == 1) for member in loop.members]
 
     def _loop(self, bound: Node, items: list[Item]) -> None:
         row = self.names.new(relation_of(bound).name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeAlias
 
-from drlsl.lowering.backends.answer_lists import AnswerLists, roots_of
+from drlsl.lowering.backends.answer_lists import AnswerLists, results_of
 from drlsl.lowering.backends.expressions import ATOMIC, CHOICE, COMPARISON, is_lookup, lookup_value
 from drlsl.lowering.backends.python_text import PythonLoops
 from drlsl.lowering.backends.scalar_support import SUPPORT, Facts, blank_row, row_reader
@@ -46,10 +46,7 @@ class _Printer(PythonLoops, AnswerLists):
     """Writes the function for one lowered program."""
 
     def __init__(self, lowered: Lowered) -> None:
-        self.lowered = lowered
-        self.undecided = lowered.pool.or_(answer.undecided for answer in lowered.answers)
-        roots = [self.undecided, *(root for answer in lowered.answers for root in roots_of(answer))]
-        super().__init__(lowered.pool, Names(_RESERVED), roots)
+        super().__init__(lowered, Names(_RESERVED), results_of(lowered.pool, lowered.answers))
         self.constants: dict[str, Any] = {}
         self._tables: dict[Relation, str] = {}  # the dictionary of rows by key
         self._blanks: dict[Relation, str] = {}
@@ -61,7 +58,7 @@ class _Printer(PythonLoops, AnswerLists):
         if self.undecided is not self.pool.false:
             with self.block(self.test(self.text(self.undecided, CHOICE))):
                 self.write("raise Undecided('an arithmetic error on the way')")
-        self.share(self.roots[1:])
+        self.share(self.roots)
         results = [self.answer(answer) for answer in self.lowered.answers]
         self.write(f"return ({', '.join(results)}{',' if len(results) == 1 else ''})")
         return "\n".join(["def answer(facts):", *self.lines, ""])
