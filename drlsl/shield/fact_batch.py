@@ -35,19 +35,15 @@ def count_of(facts: ManyFacts) -> int:
     return counts.pop() if counts else 1
 
 
-def as_arrays(facts: ManyFacts, schema: Schema, program: BatchProgram[Any]) -> dict[Key, Rows]:
-    """Return the facts that an array program reads.
+def as_arrays(facts: ManyFacts, read: Mapping[Key, Relation], program: BatchProgram[Any]) -> dict[Key, Rows]:
+    """Return the facts of the relations that an array program reads.
 
     Raises:
         TypeError, ValueError: a row is not of its relation's form.
     """
-    read = [schema.relations[key] for key in program.reads]
     if isinstance(facts, Mapping):
-        return {(one.name, one.arity): _coded(one, facts[one.name, one.arity], program) for one in read}
-    return {
-        (one.name, one.arity): _packed(one, [each[one.name, one.arity] for each in facts], program)
-        for one in read
-    }
+        return {key: _coded(relation, facts[key], program) for key, relation in read.items()}
+    return {key: _packed(relation, [each[key] for each in facts], program) for key, relation in read.items()}
 
 
 def facts_of_one(facts: ManyFacts, index: int, schema: Schema, names: Mapping[int, str]) -> Facts:
@@ -89,16 +85,22 @@ def _coded(relation: Relation, rows: Rows, program: BatchProgram[Any]) -> Rows:
         raise ValueError(
             f"facts of {relation.name}/{relation.arity} are given with {len(rows.columns)} columns"
         )
-    if "atom" not in relation.columns:
-        return rows
     columns = list(rows.columns)
-    for place, kind in enumerate(relation.columns):
-        column = columns[place]
-        if kind == "atom" and isinstance(column, np.ndarray) and column.dtype.kind in "OUT":
-            names, places = np.unique(column.astype(np.str_), return_inverse=True)
-            codes = np.array([program.code(name) for name in names.tolist()], dtype=np.int64)
-            columns[place] = codes[places].reshape(column.shape)
+    texts = [
+        place for place, kind in enumerate(relation.columns) if kind == "atom" and _is_text(columns[place])
+    ]
+    if not texts:
+        return rows
+    for place in texts:
+        column = np.asarray(columns[place])
+        names, places = np.unique(column.astype(np.str_), return_inverse=True)
+        codes = np.array([program.code(name) for name in names.tolist()], dtype=np.int64)
+        columns[place] = codes[places].reshape(column.shape)
     return Rows(columns, rows.valid, rows.index)
+
+
+def _is_text(column: Any) -> bool:
+    return isinstance(column, np.ndarray) and column.dtype.kind in "OUT"
 
 
 def _packed(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from drlsl.logic import Engine
 from drlsl.lowering.backends import BatchProgram, compile_scalar
 from drlsl.lowering.frontend import Query, lower
-from drlsl.lowering.ir import NotLowerable, Schema, Undecided
+from drlsl.lowering.ir import NotLowerable, Undecided
 from drlsl.shield.fact_batch import ManyFacts, as_arrays, facts_of_one
 from drlsl.shield.fact_forms import FactForms, Facts
 from drlsl.shield.rule_answers import Interpreter
@@ -161,22 +161,22 @@ class ArrayTier(OfferTier):
         self.name = name
         self._actions = actions
         self._forms = forms
-        self._schema: Final[Schema] = forms.schema
         lowered = lower(engine, forms.schema, [query])
         if lowered.answers[0].choices is None:
             raise NotLowerable(str(query), None, "its answers are not constants of the program")
         self._program: BatchProgram[Any] = compile_program(lowered)
-        self._places = [states.place(each) for each in self._program.choices[query]]
+        self._read = {key: forms.schema.relations[key] for key in self._program.reads}
+        self._places = np.array([states.place(each) for each in self._program.choices[query]], dtype=np.intp)
 
     def one(self, facts: Facts) -> Sequence[object]:
         found = self.many([facts], 1)
         if found.undecided:
             raise Undecided("an array program cannot decide it")
-        return [self._actions[place] for place in np.flatnonzero(found.mask[0]).tolist()]
+        return [self._actions[place] for place in found.mask[0].nonzero()[0].tolist()]
 
     def many(self, facts: ManyFacts, count: int) -> Found:
         try:
-            result = self._program(as_arrays(facts, self._schema, self._program))
+            result = self._program(as_arrays(facts, self._read, self._program))
         except (TypeError, ValueError) as error:
             raise self._forms.misfit(error) from error
         chosen, undecided = _numpy(result.answers[0].value), _numpy(result.undecided)
