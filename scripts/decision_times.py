@@ -29,7 +29,7 @@ from drlsl.shield.environments.straight_road import (
 )
 
 BATCH: Final = 100
-REPETITIONS: Final = 7
+REPETITIONS: Final = 25
 
 
 def states(count: int) -> tuple[list[Any], list[str]]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any, Final
 
 import gymnasium
@@ -49,19 +50,11 @@ def straight_road_facts(world: Any) -> Facts:
     """Return the facts of the present state of an environment of highway-env."""
     ego, road = world.vehicle, world.road
     period = 1.0 / world.config["policy_frequency"]
-    here = ego.position.item(0)
-    seen = [
-        (number, thing)
-        for number, thing in enumerate([*road.vehicles, *road.objects])
-        if thing is not ego and abs(thing.position.item(0) - here) <= SIGHT
-    ]
     speeds = ego.target_speeds.tolist()
     return {
         ("ego", 6): [_motion(ego)],
-        ("vehicle", 9): [
-            (number, *_motion(thing), _goal(road, thing), _sees(road, thing, ego)) for number, thing in seen
-        ],
-        ("aim", 3): list(_aims(ego, road.network)),
+        ("vehicle", 9): list(_seen(road, ego)),
+        ("aim", 3): list(_aims(ego, speeds, road.network)),
         ("speeds", 2): [(speeds[0], speeds[1] - speeds[0] if len(speeds) > 1 else 0.0)],
         ("period", 2): [(period, math.exp(-period / ego.TAU_ACC))],
     }
@@ -74,53 +67,65 @@ def _motion(thing: Any) -> tuple[float, ...]:
     return x, y, speed * math.cos(heading), speed * math.sin(heading), thing.LENGTH, thing.WIDTH
 
 
-def _aims(ego: Any, network: Any) -> Iterator[tuple[str, float, float]]:
+def _seen(road: Any, ego: Any) -> Iterator[tuple[Any, ...]]:
+    """Yield what the ego sees: number, motion and size, the y it comes over to, whether it sees the ego."""
+    here, vehicles, all_see = ego.position.item(0), road.vehicles, road.neighbour_vehicles_connected_lanes
+    for number, car in enumerate(vehicles):
+        if abs(car.position.item(0) - here) <= SIGHT and car is not ego:
+            sees = "yes" if all_see or car.lane_index[:2] == ego.lane_index[:2] else "no"
+            yield number, *_motion(car), _goal(road.network, car), sees
+    for number, thing in enumerate(road.objects, len(vehicles)):
+        if abs(thing.position.item(0) - here) <= SIGHT:
+            yield number, *_motion(thing), thing.position.item(1), "yes"
+
+
+def _aims(ego: Any, speeds: Sequence[float], network: Any) -> Iterator[tuple[str, float, float]]:
     """Yield each action that does anything, with the centre line [m] and the speed [m/s] that it steers for.
 
-    Source: `MDPVehicle.act` and `ControlledVehicle.act`.
+    Source: `MDPVehicle.act`, `MDPVehicle.speed_to_index` and `ControlledVehicle.act`.
     """
-    (start, end, lane), speeds = ego.target_lane_index, ego.target_speeds.tolist()
-    nearest, target = int(ego.speed_to_index(ego.speed)), float(ego.target_speed)
-    here = _centre(network, ego.target_lane_index, ego)
+    (start, end, lane), target = ego.target_lane_index, float(ego.target_speed)
+    most = len(speeds) - 1
+    part = (float(ego.speed) - speeds[0]) / (speeds[-1] - speeds[0]) if most else 0.0
+    nearest = min(max(round(part * most), 0), most)
+    here = _centre(network.get_lane(ego.target_lane_index), ego)
     yield "idle", here, target
     yield "slower", here, speeds[max(nearest - 1, 0)]
-    if nearest + 1 < len(speeds):
+    if nearest < most:
         yield "faster", here, speeds[nearest + 1]
+    lanes = network.graph[start][end]
     for action, side in (("lane_left", lane - 1), ("lane_right", lane + 1)):
-        index = (start, end, side)
-        if 0 <= side < len(network.graph[start][end]) and network.get_lane(index).is_reachable_from(
-            ego.position
-        ):
-            yield action, _centre(network, index, ego), target
+        if 0 <= side < len(lanes) and lanes[side].is_reachable_from(ego.position):
+            yield action, _centre(lanes[side], ego), target
 
 
-def _centre(network: Any, index: Any, thing: Any) -> float:
+def _centre(lane: Any, car: Any) -> float:
     """Return y of a lane's centre line beside a vehicle."""
-    lane = network.get_lane(index)
-    along, _ = lane.local_coordinates(thing.position)
+    if type(lane) is _straight_lane() and lane.direction.item(1) == 0.0:
+        return float(lane.start.item(1))
+    along, _ = lane.local_coordinates(car.position)
     return float(lane.position(along, 0.0)[1])
 
 
-def _goal(road: Any, thing: Any) -> float:
+@cache
+def _straight_lane() -> Any:
+    """Return the class of straight lanes; its package is there wherever there is one."""
+    from highway_env.road.lane import StraightLane
+
+    return StraightLane
+
+
+def _goal(network: Any, car: Any) -> float:
     """Return y of the lane to which a vehicle must come over because its own ends, or its own y."""
-    network, index = road.network, thing.lane_index
-    if thing in road.objects:
-        return float(thing.position[1])
+    index = car.lane_index
     while network.get_lane(index).forbidden:
         start, end, lane = index
         if lane > 0:
-            return _centre(network, (start, end, lane - 1), thing)
+            return _centre(network.get_lane((start, end, lane - 1)), car)
         if end not in network.graph:
             break
         place = network.get_lane(index).position(network.get_lane(index).length, 0.0)
         following, lanes = next(iter(network.graph[end].items()))
         nearest = min(range(len(lanes)), key=lambda number: lanes[number].distance(place))
         index = (end, following, nearest)
-    return float(thing.position[1])
-
-
-def _sees(road: Any, thing: Any, ego: Any) -> str:
-    """Return no for a driver who does not see the ego, for it is on another segment of the road; else yes."""
-    if thing in road.objects or road.neighbour_vehicles_connected_lanes:
-        return "yes"
-    return "yes" if thing.lane_index[:2] == ego.lane_index[:2] else "no"
+    return float(car.position[1])

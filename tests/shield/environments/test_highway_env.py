@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -74,6 +76,32 @@ def test_the_lag_of_the_rules_is_that_of_highway_env() -> None:
     engine = Engine()
     consult_rules(engine, RULES)
     assert [solution["T"] for solution in engine.query("lag(T)")] == [ControlledVehicle.TAU_ACC]
+
+
+@pytest.mark.parametrize("name", ["highway-fast-v0", "merge-v0"])
+def test_each_action_steers_for_what_the_facts_say(name: str) -> None:
+    env, rng = gymnasium.make(name), np.random.default_rng(0)
+    for episode in range(6):
+        env.reset(seed=episode)
+        over = False
+        while not over:
+            world: Any = env.unwrapped
+            world.vehicle.speed = rng.uniform(10.0, 40.0)
+            aims = {row[0]: row[1:] for row in straight_road_facts(world)["aim", 3]}
+            before = world.vehicle.target_lane_index, world.vehicle.target_speed
+            for action in ("idle", "slower", "faster", "lane_left", "lane_right"):
+                ego = deepcopy(world.vehicle)
+                ego.act(action.upper())
+                lane = ego.road.network.get_lane(ego.target_lane_index)
+                centre = lane.position(lane.local_coordinates(ego.position)[0], 0.0)[1]
+                if action in aims:
+                    assert aims[action] == (centre, ego.target_speed)
+                elif action == "faster":
+                    assert ego.target_speed == max(ego.target_speeds)
+                else:
+                    assert (ego.target_lane_index, ego.target_speed) == before
+            *_, terminated, truncated, _ = env.step(int(rng.integers(5)))
+            over = terminated or truncated
 
 
 def test_an_environment_without_lane_changes_is_refused() -> None:
