@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import typer
 
 from drlsl.cli.episode_folder import EpisodeFolder, EpisodesAs, EpisodesOut
-from drlsl.cli.options import Direction, check_new, given_settings, one_or_several, recordings
+from drlsl.cli.options import (
+    Direction,
+    EpisodeSeed,
+    check_new,
+    config_and_arguments,
+    one_or_several,
+    recordings,
+)
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -68,42 +75,44 @@ Settings = Annotated[
         "driver.politeness=0.2; may be repeated.",
     ),
 ]
+Episodes = Annotated[
+    int | None, typer.Option(min=1, help="Episodes; default: evaluation.episodes of the run.")
+]
+Shields = Annotated[
+    Literal["on", "off", "both"],
+    typer.Option(help="Offer only safe actions, or all of them, or compare both."),
+]
+Recordings = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Recording to drive in, may be repeated; default: those of the training.",
+        autocompletion=recordings,
+    ),
+]
+Carriageway = Annotated[
+    Direction | None, typer.Option(help="Carriageway to drive on; default: that of the training.")
+]
+OtherRules = Annotated[
+    list[Path] | None,
+    typer.Option(help="Rule file to consult instead of the training's; may be repeated."),
+]
+TrackLength = Annotated[
+    float | None, typer.Option(help="Metres of an episode; default: that of the training.")
+]
+Result = Annotated[Path | None, typer.Option(metavar="FILE", help="Write the result here too, as JSON.")]
 
 
 def evaluate(
     who: Who,
-    episodes: Annotated[
-        int | None, typer.Option(min=1, help="Episodes; default: evaluation.episodes of the run.")
-    ] = None,
-    shield: Annotated[
-        Literal["on", "off", "both"],
-        typer.Option(help="Offer only safe actions, or all of them, or compare both."),
-    ] = "both",
-    recording: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Recording to drive in, may be repeated; default: those of the training.",
-            autocompletion=recordings,
-        ),
-    ] = None,
-    direction: Annotated[
-        Direction | None,
-        typer.Option(help="Carriageway to drive on; default: that of the training."),
-    ] = None,
-    rules: Annotated[
-        list[Path] | None,
-        typer.Option(help="Rule file to consult instead of the training's; may be repeated."),
-    ] = None,
-    track_length: Annotated[
-        float | None, typer.Option(help="Metres of an episode; default: that of the training.")
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the episodes; default: that of the run.")
-    ] = None,
+    episodes: Episodes = None,
+    shield: Shields = "both",
+    recording: Recordings = None,
+    direction: Carriageway = None,
+    rules: OtherRules = None,
+    track_length: TrackLength = None,
+    seed: EpisodeSeed = None,
     settings: Settings = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the result here too, as JSON.")
-    ] = None,
+    out: Result = None,
     episodes_out: EpisodesOut = None,
     episodes_as: EpisodesAs = "npz",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
@@ -117,31 +126,20 @@ def evaluate(
     """
     from rich.console import Console
 
-    from drlsl.files import write_atomic
-    from drlsl.learning import (
-        EVALUATION_KEY,
-        RunFolder,
-        load_driver,
-        make_config,
-        make_evaluation_env,
-        merged,
-        preset_values,
-    )
+    from drlsl.learning import EVALUATION_KEY, RunFolder, load_driver, make_evaluation_env
 
+    run = None if _is_driver(who) else RunFolder.open(Path(who))
+    check_new(episodes_out, "episodes")
     flags = {
         "env.recording": one_or_several(recording),
         "env.direction": direction,
         "env.rules": [str(path) for path in rules] if rules else None,
         "env.track_length": track_length,
     }
-    folder = None if _is_driver(who) else RunFolder.open(Path(who))
-    check_new(episodes_out, "episodes")
-    base = folder.config.model_dump() if folder is not None else preset_values("quick")
-    given, arguments = _settings(settings or [], flags)
-    config = make_config(merged(base, given), "command line")
+    config, arguments = config_and_arguments(run, settings, flags)
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
-    name, wants = (who, "preferences") if folder is None else (POLICY, "Q-values")
+    name, wants = (who, "preferences") if run is None else (POLICY, "Q-values")
     recorded = None
     if episodes_out is not None:
         recorded = EpisodeFolder(episodes_out, config.env, who, wants, f".{episodes_as}")
@@ -155,31 +153,26 @@ def evaluate(
         console=Console(stderr=True),
         recorded=recorded,
     )
-    if folder is not None:
-        folder.save_evaluations(records, EVALUATION_KEY)
+    if run is not None:
+        run.save_evaluations(records, EVALUATION_KEY)
     if recorded is not None:
         typer.echo(recorded.write_page(), err=True)
-    result = {"driver" if folder is None else "run": who, "evaluations": records}
+    _tell({"driver" if run is None else "run": who, "evaluations": records}, out, as_json=as_json)
+
+
+def _tell(result: Mapping[str, Any], out: Path | None, *, as_json: bool) -> None:
+    """Print the result of a command, and write it to a file, too, if one is named."""
+    from rich.console import Console
+
+    from drlsl.files import write_atomic
+
     text = json.dumps(result, indent=1, allow_nan=False)
     if out is not None:
         write_atomic(out, f"{text}\n".encode())
     if as_json:
         typer.echo(text)
     else:
-        Console().print(evaluation_table(records))
-
-
-def _settings(settings: list[str], flags: Mapping[str, object]) -> tuple[dict[str, Any], Mapping[str, Any]]:
-    """Return the settings of the environment that were given, and the parameters of the driver.
-
-    Raises:
-        UserError: anything else is set.
-    """
-    given = given_settings(settings, flags, "env.traffic=reactive")
-    arguments = given.pop("driver", {})
-    if given.keys() - {"env"} or not isinstance(arguments, Mapping):
-        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
-    return given, arguments
+        Console().print(evaluation_table(result["evaluations"]))
 
 
 def _is_driver(who: str) -> bool:

@@ -11,6 +11,7 @@ import typer
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
+    from drlsl.learning import RunFolder, TrainConfig
     from drlsl.workers import Crew
 
 Direction: TypeAlias = Literal["both", "left_to_right", "right_to_left"]
@@ -49,6 +50,9 @@ Rules = Annotated[
 ]
 RuleFiles = Annotated[
     list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
+]
+EpisodeSeed = Annotated[
+    int | None, typer.Option(min=0, help="Seed of the episodes; default: that of the run.")
 ]
 
 
@@ -98,3 +102,21 @@ def given_settings(settings: list[str], flags: Mapping[str, object], example: st
         if given is not None:
             values = with_value(values, key, given)
     return values
+
+
+def config_and_arguments(
+    run: RunFolder | None, settings: list[str] | None, flags: Mapping[str, object]
+) -> tuple[TrainConfig, dict[str, Any]]:
+    """Return the configuration of a run, or the default one, with what is set; and the driver's arguments.
+
+    Raises:
+        UserError: a setting is neither of env nor of the driver, or it is wrong.
+    """
+    from drlsl.learning import make_config, merged, preset_values
+
+    base = preset_values("quick") if run is None else run.config.model_dump()
+    given = given_settings(settings or [], flags, "env.traffic=reactive")
+    arguments = given.pop("driver", {})
+    if given.keys() - {"env"} or not isinstance(arguments, dict):
+        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
+    return make_config(merged(base, given), "command line"), arguments

@@ -11,7 +11,7 @@ import typer
 
 from drlsl.cli.drivers import loaded_driver
 from drlsl.cli.failures import failures_as_errors
-from drlsl.cli.options import Rules, given_settings
+from drlsl.cli.options import EpisodeSeed, Rules, config_and_arguments
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -25,42 +25,43 @@ GIF_RATE: Final = 12.5
 LAST: Final = 1.0
 """Time for which the last moment of an episode stands still [s]."""
 
+What = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN|RECORDING|EPISODE|SCENE",
+        help="Run folder that `drlsl train` made; or a bundled recording's name, a highD folder or an "
+        "NGSIM file; or an episode (.npz, .parquet) that drlsl eval or stress wrote; or a scene file "
+        "(.json), as for drlsl query.",
+    ),
+]
+Out = Annotated[Path, typer.Option(metavar="FILE", help="Write to this file: .png, .gif or .mp4.")]
+Who = Annotated[str, typer.Option(help="Who drives in a recording: any driver of drlsl eval.")]
+ShieldState = Annotated[Literal["on", "off"], typer.Option(help="Offer only safe actions, or all of them.")]
+Which = Annotated[
+    int, typer.Option(min=1, help="Which of the episodes that drlsl eval drives with this seed.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="A setting of env, such as env.traffic=reactive, or of the driver, such as "
+        "driver.politeness=0.2; may be repeated.",
+    ),
+]
+
 
 def render(
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="RUN|RECORDING|EPISODE|SCENE",
-            help="Run folder that `drlsl train` made; or a bundled recording's name, a highD folder or an "
-            "NGSIM file; or an episode (.npz, .parquet) that drlsl eval or stress wrote; or a scene file "
-            "(.json), as for drlsl query.",
-        ),
-    ],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Write to this file: .png, .gif or .mp4.")],
-    driver: Annotated[
-        str, typer.Option(help="Who drives in a recording: any driver of drlsl eval.")
-    ] = "mobil",
-    shield: Annotated[
-        Literal["on", "off"], typer.Option(help="Offer only safe actions, or all of them.")
-    ] = "on",
-    episode: Annotated[
-        int, typer.Option(min=1, help="Which of the episodes that drlsl eval drives with this seed.")
-    ] = 1,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the episodes; default: that of the run.")
-    ] = None,
+    what: What,
+    out: Out,
+    driver: Who = "mobil",
+    shield: ShieldState = "on",
+    episode: Which = 1,
+    seed: EpisodeSeed = None,
     begin: Annotated[float, typer.Option(min=0, help="Seconds of the episode to leave out.")] = 0.0,
     seconds: Annotated[float, typer.Option(min=0.1, help="Seconds to show, at most.")] = 30.0,
     rules: Rules = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="A setting of env, such as env.traffic=reactive, or of the driver, such as "
-            "driver.politeness=0.2; may be repeated.",
-        ),
-    ] = None,
+    settings: Settings = None,
     width: Annotated[int, typer.Option(min=320, max=3840, help="Width of the picture.")] = 1200,
     height: Annotated[int, typer.Option(min=240, max=2160, help="Height of the picture.")] = 400,
 ) -> None:
@@ -82,17 +83,9 @@ def render(
     if is_episode(Path(what)):
         drive = _Replay(load_episode(Path(what)))
     else:
-        config, who, arguments, own_seed = _drive(what, driver, settings or [], rules, shield)
+        config, who, arguments, own_seed = _drive(what, driver, settings, rules, shield)
         drive = _Drive(config, who, arguments, own_seed if seed is None else seed, episode - 1)
-    time_step = drive.time_step
-    frames = max(1, round(1 / GIF_RATE / time_step)) if out.suffix.lower() == ".gif" else 1
-    with Film(out, 1 / (time_step * frames)) as film:
-        _film(film, view, drive, frames, begin, begin + seconds)
-    if not film.pictures:
-        raise UserError(
-            f"--begin {begin:g}: the episode is over after {drive.time:.1f} s; nothing was written"
-        )
-    shown = "" if film.full else f": {film.pictures} pictures, {film.pictures * time_step * frames:.1f} s"
+    shown = _write_film(out, view, drive, begin, seconds)
     typer.echo(f"wrote {out}{shown}")
 
 
@@ -108,27 +101,23 @@ def _of_scene(path: Path, rules: list[Path] | None) -> Moment:
 
 
 def _drive(
-    what: str, driver: str, settings: list[str], rules: list[Path] | None, shield: str
+    what: str, driver: str, settings: list[str] | None, rules: list[Path] | None, shield: str
 ) -> tuple[EnvConfig, str, dict[str, Any], int]:
     """Return the environment to drive in, who drives, with which parameters, and the seed.
 
     Raises:
         UserError: a setting is of neither, or wrong.
     """
-    from drlsl.learning import RunFolder, make_config, merged, preset_values
+    from drlsl.learning import RunFolder
 
     is_run = (Path(what) / "config.yaml").is_file()
-    base = RunFolder.open(Path(what)).config.model_dump() if is_run else preset_values("quick")
     flags = {
         "env.recording": None if is_run else what,
         "env.rules": [str(path) for path in rules] if rules else None,
         "env.offers": "all" if shield == "off" else None,
     }
-    given = given_settings(settings, flags, "env.traffic=reactive")
-    arguments = given.pop("driver", {})
-    if given.keys() - {"env"} or not isinstance(arguments, dict):
-        raise UserError("--set: expected settings of env or of the driver, such as env.traffic=reactive")
-    config = make_config(merged(base, given), "command line")
+    run = RunFolder.open(Path(what)) if is_run else None
+    config, arguments = config_and_arguments(run, settings, flags)
     return config.env, what if is_run else driver, arguments, config.seed
 
 
@@ -194,6 +183,25 @@ class _Replay:
         for frame in range(len(self._episode)):
             self.time = frame * self.time_step
             yield partial(self._episode.moment, frame)
+
+
+def _write_film(out: Path, view: RoadView, drive: _Drive | _Replay, begin: float, seconds: float) -> str:
+    """Write the part of a drive from `begin` on [s]; return in words how much it is, if it is a film.
+
+    Raises:
+        UserError: the drive is over by then, or the film cannot be written.
+    """
+    from drlsl.driving.rendering import Film
+
+    time_step = drive.time_step
+    frames = max(1, round(1 / GIF_RATE / time_step)) if out.suffix.lower() == ".gif" else 1
+    with Film(out, 1 / (time_step * frames)) as film:
+        _film(film, view, drive, frames, begin, begin + seconds)
+    if not film.pictures:
+        raise UserError(
+            f"--begin {begin:g}: the episode is over after {drive.time:.1f} s; nothing was written"
+        )
+    return "" if film.full else f": {film.pictures} pictures, {film.pictures * time_step * frames:.1f} s"
 
 
 def _film(film: Film, view: RoadView, drive: _Drive | _Replay, frames: int, begin: float, end: float) -> None:
