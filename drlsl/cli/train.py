@@ -52,12 +52,24 @@ Network = Annotated[
 Bootstrap = Annotated[
     Literal["all", "safe"] | None, typer.Option(help="Actions that the target's maximum runs over.")
 ]
+Seeds = Annotated[
+    int | None,
+    typer.Option(
+        min=1, help="Train so many seeds side by side, from --seed on, each in a folder seedN of --out."
+    ),
+]
 NumEnvs = Annotated[int | None, typer.Option(help="Environments driven in step; several are faster.")]
 Device = Annotated[Literal["auto", "cpu", "cuda"] | None, typer.Option(help="Where the network lives.")]
 CheckpointEvery = Annotated[int | None, typer.Option(help="Episodes from one checkpoint to the next.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Any other setting of --print-config; may be repeated."),
+]
+TensorBoard = Annotated[
+    bool, typer.Option("--tensorboard", help="Write event files for TensorBoard into the run folder, too.")
+]
+PrintConfig = Annotated[
+    bool, typer.Option("--print-config", help="Print the settings that would be used, and stop.")
 ]
 
 
@@ -73,12 +85,7 @@ def train(
     bootstrap: Bootstrap = None,
     episodes: Annotated[int | None, typer.Option(help="Episodes of training.")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all that is random.")] = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Train so many seeds side by side, from --seed on, each in a folder seedN of --out."
-        ),
-    ] = None,
+    seeds: Seeds = None,
     num_envs: NumEnvs = None,
     device: Device = None,
     threads: Annotated[int | None, typer.Option(help="PyTorch's CPU threads.")] = None,
@@ -87,13 +94,8 @@ def train(
     out: Annotated[Path | None, typer.Option(help="Run folder; default: a new one in runs/.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Resume the run in --out.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the run in --out.")] = False,
-    tensorboard: Annotated[
-        bool,
-        typer.Option("--tensorboard", help="Write event files for TensorBoard into the run folder, too."),
-    ] = False,
-    print_config: Annotated[
-        bool, typer.Option("--print-config", help="Print the settings that would be used, and stop.")
-    ] = False,
+    tensorboard: TensorBoard = False,
+    print_config: PrintConfig = False,
 ) -> None:
     """Train an agent in recorded traffic.
 
