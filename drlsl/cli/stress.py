@@ -74,6 +74,17 @@ Period = Annotated[
     float | None,
     typer.Option(help="Seconds for which an action is held; default: a frame, or as the run was trained."),
 ]
+Horizon = Annotated[float | None, typer.Option(help="Seconds that the prediction looks ahead; default: 3.")]
+Traffic = Annotated[
+    Literal["auto", "recorded", "reactive"],
+    typer.Option(
+        help="Whether recorded vehicles drive through the ego or brake for it; auto: as recordings say."
+    ),
+]
+Tier = Annotated[
+    Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"],
+    typer.Option(help="Tier that runs the rules."),
+]
 
 
 def stress(
@@ -86,24 +97,14 @@ def stress(
     shield: OldOffers = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many episodes.")] = 2000,
     rules: Rules = None,
-    horizon: Annotated[
-        float | None, typer.Option(help="Seconds that the prediction looks ahead; default: 3.")
-    ] = None,
-    traffic: Annotated[
-        Literal["auto", "recorded", "reactive"],
-        typer.Option(
-            help="Whether recorded vehicles drive through the ego or brake for it; auto: as recordings say."
-        ),
-    ] = "auto",
+    horizon: Horizon = None,
+    traffic: Traffic = "auto",
     position_noise: Annotated[float, typer.Option(help="Metres by which places seen are wrong.")] = 0.0,
     speed_noise: Annotated[float, typer.Option(help="Metres a second by which speeds seen are wrong.")] = 0.0,
     drop_rate: Annotated[float, typer.Option(help="Share of the vehicles that are not seen.")] = 0.0,
     latency: Annotated[float, typer.Option(help="Age of the sensed state in seconds.")] = 0.0,
     direction: Annotated[Direction, typer.Option(help="Which way the ego drives.")] = "both",
-    tier: Annotated[
-        Literal["auto", "interpreter", "scalar", "numpy", "numba", "torch"],
-        typer.Option(help="Tier that runs the rules."),
-    ] = "auto",
+    tier: Tier = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Everything random follows from it.")] = 0,
     jobs: Jobs = None,
     ray: Ray = None,
