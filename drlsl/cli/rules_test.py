@@ -25,29 +25,35 @@ class ArrayTier(StrEnum):
     TORCH = "torch"
 
 
+Tables = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--tables",
+        metavar="FILE",
+        help="A table, instead of NAME.test.yaml and NAME.*.test.yaml beside NAME.pl; repeatable.",
+    ),
+]
+Tiers = Annotated[
+    list[ArrayTier] | None,
+    typer.Option(
+        "--tier",
+        help="A tier that answers for many at once, to run besides others; default: numpy; repeatable.",
+    ),
+]
+WithCoverage = Annotated[
+    bool, typer.Option("--coverage", help="Say which clauses and branches the tables do not reach.")
+]
+WithMutants = Annotated[
+    bool, typer.Option("--mutate", help="Put slips into the rules and say which go unnoticed.")
+]
+
+
 def run_tables(
     files: RuleFiles = None,
-    tables: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--tables",
-            metavar="FILE",
-            help="A table, instead of NAME.test.yaml and NAME.*.test.yaml beside NAME.pl; repeatable.",
-        ),
-    ] = None,
-    tiers: Annotated[
-        list[ArrayTier] | None,
-        typer.Option(
-            "--tier",
-            help="A tier that answers for many at once, to run besides others; default: numpy; repeatable.",
-        ),
-    ] = None,
-    coverage: Annotated[
-        bool, typer.Option("--coverage", help="Say which clauses and branches the tables do not reach.")
-    ] = False,
-    mutate: Annotated[
-        bool, typer.Option("--mutate", help="Put slips into the rules and say which go unnoticed.")
-    ] = False,
+    tables: Tables = None,
+    tiers: Tiers = None,
+    coverage: WithCoverage = False,
+    mutate: WithMutants = False,
     jobs: Jobs = None,
     ray: Ray = None,
     as_json: AsJson = False,
@@ -61,23 +67,16 @@ def run_tables(
     """
     from rich.console import Console
 
-    from drlsl.assurance import load_tables, measure, reasons_of, run_cases, score, tables_of
+    from drlsl.assurance import load_tables, measure, reasons_of, run_cases, score
     from drlsl.driving.shield import default_rules
     from drlsl.errors import UserError
-    from drlsl.logic import Engine
-    from drlsl.shield import consult_rules, rule_file
+    from drlsl.shield import rule_file
 
     crew = crew_of(jobs, ray)
     if ray is not None and not mutate:
         raise UserError("--ray: only the mutants of --mutate are shared; leave it out, or add --mutate")
     rules = [rule_file(file) for file in files or default_rules()]
-    chosen = tables or tables_of(rules)
-    if not chosen:
-        for rule in rules:
-            consult_rules(Engine(), rule)  # what is wrong with it comes first
-        wanted = " or ".join(f"{rule.with_suffix('')}.test.yaml" for rule in rules)
-        raise UserError(f"no table: expected {_near(wanted)}, or name one with --tables")
-    tested, cases = load_tables(rules, chosen)
+    tested, cases = load_tables(rules, tables or _tables_beside(rules))
     outcome = run_cases(tested, cases, tiers or [ArrayTier.NUMPY])
     reached = measure(tested, cases)[0] if coverage else None
     mutants = None
@@ -91,6 +90,26 @@ def run_tables(
         print("\n".join(_report(tested.states, outcome, reached, mutants, skipped=skipped)))
     if outcome.failures or (reached and _missed_clauses(reached)) or (mutants and mutants.unexplained):
         raise typer.Exit(1)
+
+
+def _tables_beside(rules: list[Path]) -> list[Path]:
+    """Return the tables of some rules.
+
+    Raises:
+        UserError: there are none.
+    """
+    from drlsl.assurance import tables_of
+    from drlsl.errors import UserError
+    from drlsl.logic import Engine
+    from drlsl.shield import consult_rules
+
+    found = tables_of(rules)
+    if not found:
+        for rule in rules:
+            consult_rules(Engine(), rule)  # what is wrong with it comes first
+        wanted = " or ".join(f"{rule.with_suffix('')}.test.yaml" for rule in rules)
+        raise UserError(f"no table: expected {_near(wanted)}, or name one with --tables")
+    return found
 
 
 def _missed_clauses(reached: Coverage) -> bool:
