@@ -90,12 +90,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         self.shield = shield or Shield.from_files(
             self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
         )
-        driven = (
-            load_playbacks(configs)
-            if playbacks is None
-            else [in_direction(playbacks, one) for one in configs]
-        )
-        self.world = World(self.config, driven, self.shield, measured=measured)
+        self.world = World(self.config, _played(configs, playbacks), self.shield, measured=measured)
         self._frames = frames_per_decision(self.config.decision_period, self.world.playbacks)
         self._discount = discount
         self._decisions: Decisions | None = None
@@ -108,22 +103,12 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         self._terms = self.config.reward.single_terms
         self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in configs]
         self._over = np.ones(self.num_envs, dtype=np.bool_)
-        self._all = _constant(self.num_envs, True)
-        self._nothing = _constant(self.num_envs, False)
+        self._blank = _Blank(self.num_envs)
         self.render_mode = render_mode
         self.metadata |= {"render_fps": render_rate(self.world, self._frames)}
         self._renderer = None if render_mode is None else Renderer(render_mode, self.world, (RGB_ARRAY,))
         self.watch: Callable[[StepResult], None] | None = None
         """Called with the result of every frame, also of those within a decision."""
-        self._no_reason = _constant(self.num_envs, "")
-        self._not_taken = np.full(self.num_envs, NOT_TAKEN)
-        self._not_taken.setflags(write=False)
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a copy; arrays shared between infos stay read-only."""
-        vars(self).update(state)
-        for shared in (self._all, self._nothing, self._no_reason, self._not_taken):
-            shared.setflags(write=False)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -179,7 +164,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         if self._renderer is not None:
             self._renderer.watch(result)
         over = result.terminated | result.truncated
-        info = self._info(result, self._all, settled, began=again)
+        info = self._info(result, self._blank.all, settled, began=again)
         if self.autoreset_mode is AutoresetMode.SAME_STEP and over.any():
             info = self._reset_within(over, info)
         else:
@@ -233,7 +218,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         """Return the mask of the environments to reset, shape (N,)."""
         mask = (options or {}).get("reset_mask")
         if mask is None:
-            return self._all
+            return self._blank.all
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise ValueError(f"reset_mask is {mask!r}; expected a Boolean array of shape ({self.num_envs},)")
         if not mask.any():
@@ -272,16 +257,17 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         began: Sequence[int] = (),
     ) -> dict[str, Any]:
         """Return the info of the environments that `told` marks; without a result, as after a reset."""
-        decisions, world, nothing = self._latest(), self.world, self._nothing
-        contact, at_fault, reason = nothing, nothing, self._no_reason
+        decisions, world = self._latest(), self.world
+        nothing, no_reason = self._blank.nothing, self._blank.no_reason
+        contact, at_fault, reason = nothing, nothing, no_reason
         if result is not None and result.contacts:
-            contact, at_fault, reason = nothing.copy(), nothing.copy(), self._no_reason.copy()
+            contact, at_fault, reason = nothing.copy(), nothing.copy(), no_reason.copy()
             for index, met in result.contacts.items():
                 contact[index], at_fault[index], reason[index] = True, met.at_fault, met.verdict.value
-        fail_safe, why = nothing, self._no_reason
+        fail_safe, why = nothing, no_reason
         failures = decisions.failures if result is None else result.failures
         if failures:
-            fail_safe, why = nothing.copy(), self._no_reason.copy()
+            fail_safe, why = nothing.copy(), no_reason.copy()
             for index, failure in failures.items():
                 fail_safe[index], why[index] = True, failure
         entered = result.entered if result else told
@@ -295,7 +281,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         columns: dict[str, Any] = {
             "action_mask": decisions.action_mask.astype(np.int8),
             "offered": told if settled is None else settled.offered,
-            "taken": self._not_taken if settled is None else _taken(settled, began),
+            "taken": self._blank.not_taken if settled is None else _taken(settled, began),
             "rewards": _with_masks(rewards, told),
             "lane_change": result.changed if result else nothing,
             "contact": contact,
@@ -353,9 +339,30 @@ def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> l
     return configs
 
 
-def _constant(count: int, value: bool | str) -> npt.NDArray[Any]:
-    """Return a read-only array that infos share if there is nothing to report."""
-    result = np.full(count, value, dtype=np.bool_ if isinstance(value, bool) else object)
+def _played(configs: Sequence[EnvConfig], playbacks: Sequence[Playback] | None) -> list[list[Playback]]:
+    """Return what each environment plays back: its recording, or those of `playbacks` in its direction."""
+    if playbacks is None:
+        return load_playbacks(configs)
+    return [in_direction(playbacks, one) for one in configs]
+
+
+class _Blank:
+    """What infos share, read-only and of shape (N,), if there is nothing to report."""
+
+    def __init__(self, count: int) -> None:
+        self.all = _constant(count, True)
+        self.nothing = _constant(count, False)
+        self.no_reason = _constant(count, "")
+        self.not_taken = _constant(count, NOT_TAKEN)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Be made anew in a copy: copies of arrays would be writable."""
+        return _Blank, (len(self.all),)
+
+
+def _constant(count: int, value: bool | int | str) -> npt.NDArray[Any]:
+    """Return an array of one value, read-only."""
+    result = np.full(count, value, dtype=object if isinstance(value, str) else type(value))
     result.setflags(write=False)
     return result
 
