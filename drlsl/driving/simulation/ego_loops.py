@@ -333,10 +333,9 @@ def finish(
         playing = not ended[ego]
         over = frame[ego] >= frames[ego]
         contact = playing and not over and touches_any(touching, ego)
-        upper, lower = y[ego] - ego_width / 2, y[ego] + ego_width / 2
-        off_road = playing and (upper < low[ego] or lower > high[ego])
+        off_road = playing and leaves(y[ego], ego_width, low[ego], high[ego])
         if sign[ego] * x[ego] + ego_length / 2 > end[ego]:
-            off_road |= playing and (upper < low_after[ego] or lower > high_after[ego])
+            off_road |= playing and leaves(y[ego], ego_width, low_after[ego], high_after[ego])
         terminated = contact or off_road
         metres = track_length[playback[ego]]
         truncated = playing and not terminated and distance[ego] >= metres
@@ -347,30 +346,53 @@ def finish(
         events[TERMINATED, ego], events[TRUNCATED, ego] = terminated, truncated
         events[ENTERS, ego], events[PLAYING, ego] = enters, playing
         eventful |= contact or enters
-        acceleration, jerk = motion(tracks, now, kept[ego], ego, dt[ego])
-        total = 0.0
-        for place in range(len(terms)):
-            term = reward_term(
-                terms[place],
-                weights,
-                playing,
-                changed[ego],
-                front_is_free[ego],
-                contact,
-                off_road,
-                speed[ego],
-                distance[ego] / metres,
-                limit[ego],
-                acceleration,
-                jerk,
-                dt[ego],
-            )
-            numbers[FIRST_TERM + place, ego] = term
-            total += term
-        numbers[REWARD, ego] = total
         numbers[DISTANCE, ego], numbers[SPEED, ego] = distance[ego], speed[ego]
-        numbers[ACCELERATION, ego], numbers[JERK, ego] = acceleration, jerk
+        numbers[ACCELERATION, ego], numbers[JERK, ego] = motion(tracks, now, kept[ego], ego, dt[ego])
+        reward(ego, changed, front_is_free, metres, limit, dt, weights, terms, events, numbers)
     return eventful
+
+
+def leaves(y: float, width: float, low: float, high: float) -> bool:
+    """Return whether an ego is not between two edges [m]."""
+    return y - width / 2 < low or y + width / 2 > high
+
+
+def reward(
+    ego: int,
+    changed: Mask1,
+    front_is_free: Mask1,
+    metres: float,
+    limit: Floats1,
+    dt: Floats1,
+    weights: Floats1,
+    terms: Integers1,
+    events: Mask2,
+    numbers: Floats2,
+) -> None:
+    """Write the terms of an ego's reward and their sum, from its events and its other numbers.
+
+    `metres`: the length of its track.
+    """
+    total = 0.0
+    for place in range(len(terms)):
+        term = reward_term(
+            terms[place],
+            weights,
+            events[PLAYING, ego],
+            changed[ego],
+            front_is_free[ego],
+            events[CONTACT, ego],
+            events[OFF_ROAD, ego],
+            numbers[SPEED, ego],
+            numbers[DISTANCE, ego] / metres,
+            limit[ego],
+            numbers[ACCELERATION, ego],
+            numbers[JERK, ego],
+            dt[ego],
+        )
+        numbers[FIRST_TERM + place, ego] = term
+        total += term
+    numbers[REWARD, ego] = total
 
 
 def touches_any(touching: Mask2, ego: int) -> bool:
