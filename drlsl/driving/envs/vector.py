@@ -347,7 +347,7 @@ def _played(configs: Sequence[EnvConfig], playbacks: Sequence[Playback] | None) 
 
 
 class _Blank:
-    """What infos share, read-only and of shape (N,), if there is nothing to report."""
+    """Arrays of shape (N,), read-only, that infos share if there is nothing to report."""
 
     def __init__(self, count: int) -> None:
         self.all = _constant(count, True)
@@ -356,7 +356,7 @@ class _Blank:
         self.not_taken = _constant(count, NOT_TAKEN)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be made anew in a copy: copies of arrays would be writable."""
+        """Make a copy with new arrays: copies of them would be writable."""
         return _Blank, (len(self.all),)
 
 
