@@ -8,31 +8,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final
 
-from drlsl.logic import Engine
+from drlsl.logic import Engine, syntax
 from drlsl.logic.core import GOAL_ARGUMENTS, Clause
-from drlsl.logic.syntax import (
-    FRACTION,
-    INTEGER,
-    LETTER_OPEN,
-    PUNCTUATION,
-    QUOTED_OPEN,
-    SYMBOL,
-    SYMBOL_OPEN,
-    VARIABLE,
-    WORD,
-    WORD_OPEN,
-    Flags,
-    ReadTerm,
-    Source,
-    Token,
-    Tokens,
-)
 from drlsl.logic.terms import Operators
 
 CONTROL: Final = frozenset({",", ";", "->", "*->", "|"})
 """Separators between goals."""
 
-_OPEN: Final = frozenset({WORD_OPEN, SYMBOL_OPEN, QUOTED_OPEN, LETTER_OPEN})
+_OPEN: Final = frozenset({syntax.WORD_OPEN, syntax.SYMBOL_OPEN, syntax.QUOTED_OPEN, syntax.LETTER_OPEN})
 
 
 @dataclass(frozen=True)
@@ -67,9 +50,9 @@ class ClauseText:
 
     clause: Clause
     number: int
-    source: Source
+    source: syntax.Source
     start: int
-    tokens: Sequence[Token]
+    tokens: Sequence[syntax.Token]
 
     @property
     def predicate(self) -> str:
@@ -85,7 +68,7 @@ class ClauseText:
     @cached_property
     def neck(self) -> int:
         """The index of ``:-``, or of the end token of a fact."""
-        ends = [n for n, token in enumerate(self.tokens) if token[:2] == (SYMBOL, ":-")]
+        ends = [n for n, token in enumerate(self.tokens) if token[:2] == (syntax.SYMBOL, ":-")]
         return ends[0] if ends else len(self.tokens) - 1
 
     @cached_property
@@ -113,10 +96,10 @@ class ClauseText:
             if len(part) == 0:
                 continue
             first = self.tokens[part.first]
-            if first[:2] == (SYMBOL, "\\+"):
+            if first[:2] == (syntax.SYMBOL, "\\+"):
                 yield Call(part)
                 yield from self._goals(Range(part.first + 1, part.end))
-            elif first[:2] == (PUNCTUATION, "(") and self._closing(part.first) == part.end - 1:
+            elif first[:2] == (syntax.PUNCTUATION, "(") and self._closing(part.first) == part.end - 1:
                 yield from self._goals(Range(part.first + 1, part.end - 1))
             else:
                 call = self._call(part)
@@ -137,9 +120,9 @@ class ClauseText:
         first = index = part.first
         while index < part.end:
             kind, text, _ = self.tokens[index]
-            if kind in _OPEN or (kind == PUNCTUATION and text in "([{"):
+            if kind in _OPEN or (kind == syntax.PUNCTUATION and text in "([{"):
                 index = self._closing(index)
-            elif text in separators and kind in (PUNCTUATION, SYMBOL):
+            elif text in separators and kind in (syntax.PUNCTUATION, syntax.SYMBOL):
                 yield Range(first, index)
                 first = index + 1
             index += 1
@@ -150,9 +133,9 @@ class ClauseText:
         depth = 0
         for index in range(opening, len(self.tokens)):
             kind, text, _ = self.tokens[index]
-            if kind in _OPEN or (kind == PUNCTUATION and text in "([{"):
+            if kind in _OPEN or (kind == syntax.PUNCTUATION and text in "([{"):
                 depth += 1
-            elif kind == PUNCTUATION and text in ")]}":
+            elif kind == syntax.PUNCTUATION and text in ")]}":
                 depth -= 1
                 if depth == 0:
                     return index
@@ -161,8 +144,10 @@ class ClauseText:
     def is_infix(self, index: int) -> bool:
         """Return whether an operator has an operand on its left."""
         kind, text, _ = self.tokens[index - 1]
-        operand = kind in (VARIABLE, INTEGER, FRACTION) or (kind == WORD and text not in _WORD_OPERATORS)
-        return index > 0 and (operand or (kind == PUNCTUATION and text in ")]}"))
+        operand = kind in (syntax.VARIABLE, syntax.INTEGER, syntax.FRACTION) or (
+            kind == syntax.WORD and text not in _WORD_OPERATORS
+        )
+        return index > 0 and (operand or (kind == syntax.PUNCTUATION and text in ")]}"))
 
 
 _WORD_OPERATORS: Final = frozenset({name for name in Operators().infix if name.isalpha()})
@@ -177,21 +162,21 @@ def clause_texts(engine: Engine, files: Sequence[Path] = ()) -> list[ClauseText]
     found = []
     for key in engine.predicates():
         for number, clause in enumerate(engine.clauses(*key), 1):
-            if isinstance(clause.origin, ReadTerm) and (clause.source in wanted or not wanted):
+            if isinstance(clause.origin, syntax.ReadTerm) and (clause.source in wanted or not wanted):
                 found.append(_with_text(clause, number, clause.origin))
     names = list(dict.fromkeys(each.source.name for each in found))
     return sorted(found, key=lambda each: (names.index(each.source.name), each.start))
 
 
-def _with_text(clause: Clause, number: int, read: ReadTerm) -> ClauseText:
+def _with_text(clause: Clause, number: int, read: syntax.ReadTerm) -> ClauseText:
     source = read.source
-    tokens = Tokens(source, Flags())
+    tokens = syntax.Tokens(source, syntax.Flags())
     tokens.offset = _offset(source, read.span.line, read.span.column)
     found = tokens.clause()
     return ClauseText(clause, number, source, found[0][2], found)
 
 
-def _offset(source: Source, line: int, column: int) -> int:
+def _offset(source: syntax.Source, line: int, column: int) -> int:
     start = 0
     for _ in range(line - 1):
         start = source.text.index("\n", start) + 1

@@ -13,24 +13,8 @@ from drlsl.assurance.answers import WRONG, Interpreter
 from drlsl.assurance.checks import Case
 from drlsl.assurance.clause_text import ClauseText, clause_texts
 from drlsl.assurance.tested_rules import TestedRules
-from drlsl.logic import Engine
+from drlsl.logic import Engine, core
 from drlsl.logic.builtins import split_clause
-from drlsl.logic.core import (
-    FAILURE,
-    GOAL_ARGUMENTS,
-    Call,
-    Clause,
-    Conjunction,
-    Derived,
-    Disjunction,
-    Findall,
-    Goal,
-    IfThenElse,
-    Negation,
-    Opaque,
-    body_of,
-    read_body,
-)
 from drlsl.logic.terms import TRUE, Atom, Struct, Term
 
 _FAIL: Final = Atom("fail")
@@ -106,62 +90,62 @@ class Instrumented:
         found = (key.split()[2] for key in self._globals if key.startswith(f"{_POINT} entry"))
         return {(self._entries[int(n)].predicate, self._entries[int(n)].number) for n in found}
 
-    def _instrumented(self, text: ClauseText) -> Clause:
+    def _instrumented(self, text: ClauseText) -> core.Clause:
         clause = text.clause
         self._entries.append(text)
         entry = _note(f"entry {len(self._entries) - 1}")
         end = self._point(CLAUSE, text)
-        body = self._goal(body_of(clause), text)
+        body = self._goal(core.body_of(clause), text)
         head, body = split_clause(Struct(":-", (clause.head, _all_of(entry, body, end))))
-        return Clause(head, body, clause.span, clause.names, clause.source, clause.origin)
+        return core.Clause(head, body, clause.span, clause.names, clause.source, clause.origin)
 
-    def _point(self, what: str, text: ClauseText, goal: Goal | None = None) -> Term:
+    def _point(self, what: str, text: ClauseText, goal: core.Goal | None = None) -> Term:
         """Return a goal that records a point, where another goal stands or at the clause itself."""
         place = goal.place if goal is not None and goal.place is not None else text.clause.span
         self.points.append(Point(what, text.predicate, text.number, place.name, place.line, place.column))
         self.sources.append(text.clause.source)
         return _note(f"point {len(self.points) - 1}")
 
-    def _goal(self, goal: Goal, text: ClauseText) -> Term:
+    def _goal(self, goal: core.Goal, text: ClauseText) -> Term:
         """Return a goal as it is written, with points in it."""
         match goal:
-            case Conjunction(goals):
+            case core.Conjunction(goals):
                 return _all_of(*(self._goal(part, text) for part in goals))
-            case Disjunction(first, second):
+            case core.Disjunction(first, second):
                 arms = (
                     _all_of(self._goal(arm, text), self._point("alternative", text, arm))
                     for arm in (first, second)
                 )
                 return Struct(";", tuple(arms))
-            case IfThenElse():
+            case core.IfThenElse():
                 return self._branches(goal, text)
-            case Negation(inner):
+            case core.Negation(inner):
                 # It records both outcomes and binds nothing, as before.
                 found = _all_of(self._point("negation fails", text, inner), _FAIL)
                 none = self._point("negation holds", text, inner)
                 return Struct(";", (Struct("->", (self._goal(inner, text), found)), none))
-            case Opaque(inner) | Findall(_, inner):
+            case core.Opaque(inner) | core.Findall(_, inner):
                 return self._calling(goal.term, [inner], text)
-            case Derived(goals):
+            case core.Derived(goals):
                 return self._calling(goal.term, goals, text)
-            case Call():
-                places = GOAL_ARGUMENTS.get((goal.name, len(goal.args)), ())
+            case core.Call():
+                places = core.GOAL_ARGUMENTS.get((goal.name, len(goal.args)), ())
                 origin = text.clause.origin
-                given = [read_body(goal.args[place], goal.place, origin) for place in places]
+                given = [core.read_body(goal.args[place], goal.place, origin) for place in places]
                 return self._calling(goal.term, given, text)
         return goal.term
 
-    def _calling(self, term: Term, goals: Sequence[Goal], text: ClauseText) -> Term:
+    def _calling(self, term: Term, goals: Sequence[core.Goal], text: ClauseText) -> Term:
         """Return a goal with points in the goals that it is given."""
         if type(term) is not Struct or not goals:
             return term
         args = list(term.args)
-        for place, goal in zip(GOAL_ARGUMENTS[term.name, len(args)], goals, strict=True):
+        for place, goal in zip(core.GOAL_ARGUMENTS[term.name, len(args)], goals, strict=True):
             args[place] = self._goal(goal, text)
         return Struct(term.name, tuple(args))
 
-    def _branches(self, goal: IfThenElse, text: ClauseText) -> Term:
-        has_else = goal.otherwise is not FAILURE
+    def _branches(self, goal: core.IfThenElse, text: ClauseText) -> Term:
+        has_else = goal.otherwise is not core.FAILURE
         otherwise = None
         if has_else:
             otherwise = _all_of(self._point("else", text, goal.otherwise), self._goal(goal.otherwise, text))

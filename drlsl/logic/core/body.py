@@ -11,26 +11,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
+from drlsl.logic.core import goal_tree
 from drlsl.logic.core.clauses import Clause
-from drlsl.logic.core.goal_tree import (
-    CLAUSE,
-    FAILURE,
-    SUCCEED,
-    Barrier,
-    Call,
-    Conjunction,
-    Cut,
-    Derived,
-    Disjunction,
-    Findall,
-    Goal,
-    IfThenElse,
-    Negation,
-    NotCallable,
-    Opaque,
-    Truth,
-    read_body,
-)
 from drlsl.logic.errors import resource_error, type_error
 from drlsl.logic.limits import Meter
 from drlsl.logic.terms import TRUE, Struct, Term, Var, deref
@@ -360,29 +342,29 @@ class BodyCompiler:
         self._link = link
         self._slots = slots
         self._clause = clause
-        self._heights: dict[Barrier, tuple[int, int]] = {CLAUSE: (HEIGHT, 0)}
+        self._heights: dict[goal_tree.Barrier, tuple[int, int]] = {goal_tree.CLAUSE: (HEIGHT, 0)}
         self.barriers = 0
 
-    def compile(self, body: Goal) -> Node:
+    def compile(self, body: goal_tree.Goal) -> Node:
         """Return the nodes of a body.
 
         Raises:
             PrologTypeError: The body is not callable. Source: ISO 13211-1, 7.6.2.
         """
-        if type(body) is NotCallable:
+        if type(body) is goal_tree.NotCallable:
             raise type_error("callable", body.term)
         # From the last goal to the first, since a node needs the one that follows it. Each item to do is a
         # goal, or the use of the nodes of the goals after it.
         following = PROCEED_NODE
-        if type(body) is Call:
+        if type(body) is goal_tree.Call:
             return self._call(body.name, body.args, following)
-        todo: list[Goal | _Step] = [body]
+        todo: list[goal_tree.Goal | _Step] = [body]
         while todo:
             goal = todo.pop()
             kind = type(goal)
-            if kind is Call:
+            if kind is goal_tree.Call:
                 following = self._call(goal.name, goal.args, following)  # type: ignore[union-attr]
-            elif kind is Conjunction:
+            elif kind is goal_tree.Conjunction:
                 todo += goal.goals  # type: ignore[union-attr]
             elif kind is _Step:
                 following = goal.take(following)  # type: ignore[union-attr]
@@ -394,28 +376,28 @@ class BodyCompiler:
         """Return the number of slots of a frame after the continuation, once everything is compiled."""
         return (0 if self._slots is None else self._slots.size) + self.barriers
 
-    def _control(self, goal: Goal, following: Node, todo: list[Goal | _Step]) -> Node:
+    def _control(self, goal: goal_tree.Goal, following: Node, todo: list[goal_tree.Goal | _Step]) -> Node:
         """Return the node that continues a control construct; the goals before it go to `todo`."""
         match goal:
-            case Truth(holds):
+            case goal_tree.Truth(holds):
                 return following if holds else FAIL_NODE
-            case Cut(barrier):
+            case goal_tree.Cut(barrier):
                 return self._cut(CUT, barrier, following)
-            case Disjunction(first, second):
+            case goal_tree.Disjunction(first, second):
                 node = Node(EITHER, None, self._clause)
                 todo += (_Step(node, None), first, _Step(node, following), second)
-            case IfThenElse(condition, then, otherwise, soft, barrier):
+            case goal_tree.IfThenElse(condition, then, otherwise, soft, barrier):
                 self._branch(todo, following, condition, then, otherwise, barrier, soft=soft)
-            case Negation(inner, barrier):
-                self._branch(todo, following, inner, FAILURE, SUCCEED, barrier)
-            case Opaque(inner, barrier):
+            case goal_tree.Negation(inner, barrier):
+                self._branch(todo, following, inner, goal_tree.FAILURE, goal_tree.SUCCEED, barrier)
+            case goal_tree.Opaque(inner, barrier):
                 # A soft condition leaves the choice points of the goal.
-                self._branch(todo, following, inner, SUCCEED, FAILURE, barrier, soft=True)
-            case Derived(_, meaning):
+                self._branch(todo, following, inner, goal_tree.SUCCEED, goal_tree.FAILURE, barrier, soft=True)
+            case goal_tree.Derived(_, meaning):
                 todo.append(meaning)
-            case Findall(_, _, _, _, term):
+            case goal_tree.Findall(_, _, _, _, term):
                 return self._call("findall", term.args, following)
-            case NotCallable(term):
+            case goal_tree.NotCallable(term):
                 node = Node(RAISE, FAIL_NODE, self._clause)
                 node.args = self._patterns((term,))
                 return node
@@ -423,12 +405,12 @@ class BodyCompiler:
 
     def _branch(
         self,
-        todo: list[Goal | _Step],
+        todo: list[goal_tree.Goal | _Step],
         following: Node,
-        condition: Goal,
-        then: Goal,
-        otherwise: Goal,
-        barrier: Barrier,
+        condition: goal_tree.Goal,
+        then: goal_tree.Goal,
+        otherwise: goal_tree.Goal,
+        barrier: goal_tree.Barrier,
         *,
         soft: bool = False,
     ) -> None:
@@ -444,7 +426,7 @@ class BodyCompiler:
         self._heights[barrier] = node.slot, 1
         todo += (_Step(node, None), condition, _Step(commit, None), then, _Step(node, following), otherwise)
 
-    def _cut(self, op: int, barrier: Barrier, following: Node) -> Node:
+    def _cut(self, op: int, barrier: goal_tree.Barrier, following: Node) -> Node:
         node = Node(op, following, self._clause)
         node.slot, node.target = self._heights[barrier]
         return node
@@ -522,6 +504,6 @@ def _prepare(
     size, body = slots.size, PROCEED_NODE
     if clause.body is not TRUE:
         compiler = BodyCompiler(link, slots, clause)
-        body = compiler.compile(read_body(clause.body, meter=meter))
+        body = compiler.compile(goal_tree.read_body(clause.body, meter=meter))
         size = compiler.frame_size()
     return Code(tuple(head), [None] * (size - len(args)), body), slots

@@ -13,32 +13,7 @@ from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
-from drlsl.logic.core import (
-    CALL,
-    CLAUSE,
-    COMPARISONS,
-    CONTROL,
-    DET,
-    FAILURE,
-    QUICK,
-    Barrier,
-    Call,
-    Clause,
-    Cut,
-    Disjunction,
-    Findall,
-    Goal,
-    IfThenElse,
-    Negation,
-    NotCallable,
-    Opaque,
-    Resolver,
-    Truth,
-    cuts,
-    inside,
-    steps,
-    term_variables,
-)
+from drlsl.logic import core
 from drlsl.logic.errors import type_error
 from drlsl.logic.jit.code_writer import Function, Module, Scope, build, ensure
 from drlsl.logic.jit.fact_rows import emit_row_match
@@ -73,7 +48,7 @@ class Commit(NamedTuple):
     soft: bool = False
 
 
-Step: TypeAlias = Goal | Commit
+Step: TypeAlias = core.Goal | Commit
 Rest: TypeAlias = tuple[str, list[Var]]  # a function that goes on with a body, and what it is given
 
 
@@ -112,33 +87,33 @@ class Place:
 class BodyEmitter:
     """Emits the bodies of one predicate's clauses."""
 
-    def __init__(self, module: Module, linker: Resolver, key: tuple[str, int]) -> None:
+    def __init__(self, module: Module, linker: core.Resolver, key: tuple[str, int]) -> None:
         self._module = module
         self._resolve = linker.resolve
         self.key = key
-        self._clause: Clause | None = None
+        self._clause: core.Clause | None = None
         # What a cut cuts back to: the height in a local, or so many choice points above it.
-        self._heights: dict[Barrier, tuple[Var, int]] = {}
+        self._heights: dict[core.Barrier, tuple[Var, int]] = {}
         self._goals: Sequence[Step] = ()
         self._rests: dict[int, Rest] = {}
 
-    def emit_clause(self, place: Place, clause: Clause, body: Goal, height: Var) -> None:
+    def emit_clause(self, place: Place, clause: core.Clause, body: core.Goal, height: Var) -> None:
         """Emit a clause's body; cuts in it cut back to the height in the local of `height`."""
         self._clause = clause
-        self._heights[CLAUSE] = height, 0
-        self._sequence(place, steps(body))
+        self._heights[core.CLAUSE] = height, 0
+        self._sequence(place, core.steps(body))
 
-    def is_guard(self, goal: Goal) -> bool:
+    def is_guard(self, goal: core.Goal) -> bool:
         """Return whether a goal is a test that is sure to bind nothing."""
         return self._is_simple(goal) and self._is_pure(goal)
 
-    def emit_guarded(self, place: Place, clause: Clause, guard: Guard, height: Var) -> None:
+    def emit_guarded(self, place: Place, clause: core.Clause, guard: Guard, height: Var) -> None:
         """Emit a clause's body, with the code going on behind it where the guard does not hold.
 
         What the first test makes known of the scope is known there too.
         """
         self._clause = clause
-        self._heights[CLAUSE] = height, 0
+        self._heights[core.CLAUSE] = height, 0
         function = place.function
         depth = function.indent
         inner = place
@@ -149,18 +124,18 @@ class BodyEmitter:
         self._sequence(inner, guard.goals)
         function.indent = depth
 
-    def emit_rests(self, clause: Clause, body: Goal, height: Var) -> dict[int, Rest]:
+    def emit_rests(self, clause: core.Clause, body: core.Goal, height: Var) -> dict[int, Rest]:
         """Emit a clause's body; return the continuations of its calls, by the number of goals in each."""
         self._clause = clause
-        self._heights[CLAUSE] = height, 0
-        self._goals = steps(body)
-        names = {variable: self._module.fresh("v") for variable in term_variables(clause.head)}
+        self._heights[core.CLAUSE] = height, 0
+        self._goals = core.steps(body)
+        names = {variable: self._module.fresh("v") for variable in core.term_variables(clause.head)}
         place = Place(Function("", self._module), Scope({height: "h", **names}), lambda: None)
         self._continuation(place, self._goals)
         return self._rests
 
     def _about(self, function: Function, goal: Step, scope: Scope) -> None:
-        term = None if type(goal) is Commit or type(goal) is NotCallable else goal.term  # type: ignore[union-attr]
+        term = None if type(goal) is Commit or type(goal) is core.NotCallable else goal.term  # type: ignore[union-attr]
         function.about(term, self._clause, scope)
 
     def _sequence(self, place: Place, goals: Sequence[Step]) -> None:
@@ -168,12 +143,12 @@ class BodyEmitter:
         for index, goal in enumerate(goals):
             rest = goals[index + 1 :]
             self._about(place.function, goal, place.scope)
-            if place.pending is not None and type(goal) is Cut:
+            if place.pending is not None and type(goal) is core.Cut:
                 # There is nothing to cut but the untried clauses.
                 place.pending = None
                 place.fail = place.give_up
             elif type(goal) is Commit or self._is_inline(goal):  # type: ignore[arg-type]  # a goal
-                if place.pending is not None and cuts(goal):  # type: ignore[arg-type]  # no commit yet
+                if place.pending is not None and core.cuts(goal):  # type: ignore[arg-type]  # no commit yet
                     place.commit()
                 self._inline(place, goal, rest)
             else:
@@ -202,11 +177,11 @@ class BodyEmitter:
         todo = [goal for goal in goals if type(goal) is not Commit]
         while todo:
             goal = todo.pop()
-            if type(goal) is Cut:
+            if type(goal) is core.Cut:
                 if goal.barrier in self._heights:
                     found[self._heights[goal.barrier][0]] = None
             else:
-                todo += inside(goal)  # type: ignore[arg-type]  # a goal
+                todo += core.inside(goal)  # type: ignore[arg-type]  # a goal
         return [height for height in found if height in known]
 
     def _capture(
@@ -236,35 +211,35 @@ class BodyEmitter:
         place.function.emit(f"choices.append({expression})")
         self._sequence(inner, goals)
 
-    def _leave(self, place: Place, goal: Goal, rest: Sequence[Step]) -> None:
+    def _leave(self, place: Place, goal: core.Goal, rest: Sequence[Step]) -> None:
         """Emit a goal that needs a continuation, and the goals after it."""
         match goal:
-            case Call(name, args):
+            case core.Call(name, args):
                 self._call(place, name, args, rest)
-            case Disjunction(first, second):
+            case core.Disjunction(first, second):
                 joined = self._joined(place, goal, rest)
-                self._choice(joined, steps(second), joined.k)
-                self._sequence(joined, steps(first))
-            case IfThenElse():
+                self._choice(joined, core.steps(second), joined.k)
+                self._sequence(joined, core.steps(first))
+            case core.IfThenElse():
                 self._branches(self._joined(place, goal, rest), goal)
-            case Negation(inner, barrier, term):
+            case core.Negation(inner, barrier, term):
                 self._shared(place, term, rest)
                 height = self._height(place, barrier, 1)
                 self._choice(place, rest, place.k)
-                self._sequence(replace(place, loop=None), [*steps(inner), Commit(height), FAILURE])
-            case Opaque(inner, barrier):
+                self._sequence(replace(place, loop=None), [*core.steps(inner), Commit(height), core.FAILURE])
+            case core.Opaque(inner, barrier):
                 self._height(place, barrier, 0)
-                self._sequence(place, [*steps(inner), *rest])
-            case Findall():
+                self._sequence(place, [*core.steps(inner), *rest])
+            case core.Findall():
                 self._findall(place, goal, rest)
-            case NotCallable(term):
+            case core.NotCallable(term):
                 error = self._module.namespace.name("E", type_error)
                 place.function.emit(f'raise {error}("callable", {build(place.function, place.scope, term)})')
 
     def _call(self, place: Place, name: str, args: tuple[Term, ...], rest: Sequence[Step]) -> None:
         function, scope = place.function, place.scope
         op, target = self._resolve(name, len(args))
-        if op == CALL and args and target.rows is not None and target.tabled is None:
+        if op == core.CALL and args and target.rows is not None and target.tabled is None:
             self._call_rows(place, name, args, rest, target)
         parts = [build(function, scope, arg) for arg in args]
         if not rest and place.loop is not None and (name, len(args)) == self.key:
@@ -272,17 +247,17 @@ class BodyEmitter:
             return
         k = self._continuation(place, rest)
         namespace = self._module.namespace
-        if op == CALL:
+        if op == core.CALL:
             predicate = namespace.name("P", target)
             if not target.defined:
                 function.emit(f"if not {predicate}.defined:")
                 function.emit(f" return m.undefined({predicate}, ({', '.join([*parts, ''])}), {k})")
             function.emit(f"return ({', '.join([f'{predicate}.entry, 0, None', *parts, k])})")
-        elif op == CONTROL:
+        elif op == core.CONTROL:
             function.emit(f"return {namespace.name('F', target)}(m, ({', '.join([*parts, ''])}), {k})")
         else:
-            if target in QUICK:
-                parts = self._settle_quickly(function, QUICK[target], parts, k)
+            if target in core.QUICK:
+                parts = self._settle_quickly(function, core.QUICK[target], parts, k)
             arguments = ", ".join(["m", *parts])
             function.emit(f"return start_generator(m, {namespace.name('F', target)}({arguments}), {k})")
 
@@ -304,7 +279,7 @@ class BodyEmitter:
         scope, predicate = place.scope, self._module.namespace.name("P", target)
         asked = Struct(name, args)
         after = variables_of(rest)
-        live = [each for each in term_variables(make_list([asked, *after])) if each in scope.names]
+        live = [each for each in core.term_variables(make_list([asked, *after])) if each in scope.names]
         live += self._heights_of(rest, scope.names)
         names = list(dict.fromkeys(scope.names[variable] for variable in live))
         loop = self._module.function()
@@ -315,7 +290,7 @@ class BodyEmitter:
         loop.emit("while index < end:")
         loop.indent += 1
         loop.emit("row = rows[index]; index += 1")
-        counts = Counter(each for arg in args for each in term_variables(arg))
+        counts = Counter(each for arg in args for each in core.term_variables(arg))
         wanted = set(after) | {each for each in counts if counts[each] > 1}
         emit_row_match(loop, inner.scope, args, wanted)
         state = ", ".join([f"{loop.name}, mark, rows, index", *names, "k"])
@@ -339,9 +314,9 @@ class BodyEmitter:
     def _shared(self, place: Place, term: Term, rest: Sequence[Step]) -> None:
         """Make the variables that a control construct shares with the goals after it."""
         following = set(variables_of(rest))
-        ensure(place.function, place.scope, [each for each in term_variables(term) if each in following])
+        ensure(place.function, place.scope, [each for each in core.term_variables(term) if each in following])
 
-    def _joined(self, place: Place, goal: Disjunction | IfThenElse, rest: Sequence[Step]) -> Place:
+    def _joined(self, place: Place, goal: core.Disjunction | core.IfThenElse, rest: Sequence[Step]) -> Place:
         """Return the place of the branches of a control construct, which go on with one continuation."""
         self._shared(place, goal.term, rest)
         if not rest:
@@ -351,29 +326,31 @@ class BodyEmitter:
         place.function.emit(f"{k} = {expression}")
         return replace(place, k=k, loop=None)
 
-    def _branches(self, place: Place, goal: IfThenElse) -> None:
+    def _branches(self, place: Place, goal: core.IfThenElse) -> None:
         function = place.function
         condition, then, otherwise, soft, barrier = goal[:5]
         if not soft and self._is_test(condition):
             before = place.scope.copy()
-            test = self._test(place, steps(condition))
+            test = self._test(place, core.steps(condition))
             function.emit(f"if {test}:")
             function.indent += 1
-            self._sequence(replace(place), steps(then))
+            self._sequence(replace(place), core.steps(then))
             function.indent -= 1
             function.emit("else:")
             function.indent += 1
-            self._sequence(replace(place, scope=before), steps(otherwise))
+            self._sequence(replace(place, scope=before), core.steps(otherwise))
             function.indent -= 1
             return
         # A cut in the condition leaves the choice point for the other branch.
         height = self._height(place, barrier, 1)
         # Bindings of the condition for `then` must outlive the calls between them.
         self._shared(place, condition.term, [then])
-        self._choice(place, steps(otherwise), place.k)
-        self._sequence(replace(place, loop=None), [*steps(condition), Commit(height, soft), *steps(then)])
+        self._choice(place, core.steps(otherwise), place.k)
+        self._sequence(
+            replace(place, loop=None), [*core.steps(condition), Commit(height, soft), *core.steps(then)]
+        )
 
-    def _height(self, place: Place, barrier: Barrier, above: int) -> Var:
+    def _height(self, place: Place, barrier: core.Barrier, above: int) -> Var:
         """Return a variable whose local is the number of choice points that cuts keep, here and `above`."""
         height = Var("Height")
         name = place.scope.names[height] = place.function.local("h")
@@ -381,10 +358,10 @@ class BodyEmitter:
         self._heights[barrier] = height, above
         return height
 
-    def _findall(self, place: Place, goal: Findall, rest: Sequence[Step]) -> None:
+    def _findall(self, place: Place, goal: core.Findall, rest: Sequence[Step]) -> None:
         function = place.function
         self._shared(place, goal.goal.term, rest)
-        ensure(function, place.scope, term_variables(goal.template))
+        ensure(function, place.scope, core.term_variables(goal.template))
         answer = build(function, place.scope, goal.result)
         after = self._continuation(place, rest)
         found, k = function.local("l"), function.local("k")
@@ -393,47 +370,47 @@ class BodyEmitter:
         function.emit(f"{k} = (collect, {build(function, place.scope, goal.template)}, {found}, None)")
         inner = replace(place, k=k, loop=None)
         self._height(inner, goal.barrier, 0)
-        self._sequence(inner, steps(goal.goal))
+        self._sequence(inner, core.steps(goal.goal))
 
-    def _is_inline(self, goal: Goal) -> bool:
+    def _is_inline(self, goal: core.Goal) -> bool:
         """Return whether a goal can be emitted in place."""
-        if type(goal) is IfThenElse:
-            parts = (*steps(goal.then), *steps(goal.otherwise))
+        if type(goal) is core.IfThenElse:
+            parts = (*core.steps(goal.then), *core.steps(goal.otherwise))
             return not goal.soft and self._is_test(goal.condition) and all(map(self._is_inline, parts))
-        return type(goal) is Cut or self._is_simple(goal)
+        return type(goal) is core.Cut or self._is_simple(goal)
 
-    def _is_test(self, goal: Goal) -> bool:
+    def _is_test(self, goal: core.Goal) -> bool:
         """Return whether a goal is a conjunction of simple ones."""
-        return all(map(self._is_simple, steps(goal)))
+        return all(map(self._is_simple, core.steps(goal)))
 
-    def _is_simple(self, goal: Goal) -> bool:
+    def _is_simple(self, goal: core.Goal) -> bool:
         """Return whether a goal is one test, unification or deterministic builtin."""
         match goal:
-            case Call(name, args):
-                return self._resolve(name, len(args))[0] == DET
-            case Negation(inner):
+            case core.Call(name, args):
+                return self._resolve(name, len(args))[0] == core.DET
+            case core.Negation(inner):
                 return self._is_test(inner)
-        return type(goal) is Truth
+        return type(goal) is core.Truth
 
     def _inline(self, place: Place, goal: Step, rest: Sequence[Step]) -> None:
         function, scope = place.function, place.scope
         self._about(function, goal, scope)
         match goal:
-            case Truth(True):
+            case core.Truth(True):
                 return
-            case Truth(False):
+            case core.Truth(False):
                 place.fail()
             case Commit(height, True):
                 function.emit(f"soft_cut(choices, {scope.names[height]})")
             case Commit(height):
                 self._emit_cut(place, height, 0)
-            case Cut(barrier):
+            case core.Cut(barrier):
                 self._emit_cut(place, *self._heights[barrier])
-            case IfThenElse():
+            case core.IfThenElse():
                 self._inline_branches(place, goal, rest)
-            case Call("=", (left, right)):
+            case core.Call("=", (left, right)):
                 emit_unify(function, scope, left, right, place.fail)
-            case Call("is", (left, right)):
+            case core.Call("is", (left, right)):
                 emit_is(function, scope, left, right, place.fail)
             case _:
                 test = self._simple_test(place, goal)
@@ -447,16 +424,16 @@ class BodyEmitter:
         left = f"{name} + {above}" if above else name
         place.function.emit(f"if len(choices) > {left}: cut(m, {left})")
 
-    def _inline_branches(self, place: Place, goal: IfThenElse, rest: Sequence[Step]) -> None:
+    def _inline_branches(self, place: Place, goal: core.IfThenElse, rest: Sequence[Step]) -> None:
         """Emit an if-then-else whose parts are all in place: the code continues after it."""
         function, scope = place.function, place.scope
         following = set(variables_of(rest))
         escaping = [
-            each for each in term_variables(goal.term) if each not in scope.names and each in following
+            each for each in core.term_variables(goal.term) if each not in scope.names and each in following
         ]
         targets = {variable: function.local("v") for variable in escaping}
         before = scope.copy()
-        test = self._test(place, steps(goal.condition))
+        test = self._test(place, core.steps(goal.condition))
         function.emit(f"if {test}:")
         self._inline_branch(replace(place), goal.then, rest, targets)
         function.emit("else:")
@@ -465,11 +442,11 @@ class BodyEmitter:
         place.scope.names.update(targets)
 
     def _inline_branch(
-        self, place: Place, branch: Goal, rest: Sequence[Step], targets: dict[Var, str]
+        self, place: Place, branch: core.Goal, rest: Sequence[Step], targets: dict[Var, str]
     ) -> None:
         function = place.function
         function.indent += 1
-        goals = steps(branch)
+        goals = core.steps(branch)
         for index, goal in enumerate(goals):
             self._inline(place, goal, [*goals[index + 1 :], *rest])
         for variable, target in targets.items():
@@ -478,7 +455,7 @@ class BodyEmitter:
         function.emit("pass")
         function.indent -= 1
 
-    def _test(self, place: Place, goals: Sequence[Goal]) -> str:
+    def _test(self, place: Place, goals: Sequence[core.Goal]) -> str:
         """Return the lines before a condition, and its expression; it leaves no bindings if it is false."""
         function = place.function
         if len(goals) == 1 and self._is_pure(goals[0]):
@@ -495,36 +472,36 @@ class BodyEmitter:
         function.emit(f"if not {result} and len(trail) > {mark}: undo(trail, {mark})")
         return result
 
-    def _is_pure(self, goal: Goal) -> bool:
+    def _is_pure(self, goal: core.Goal) -> bool:
         """Return whether a simple goal surely binds nothing."""
         match goal:
-            case Call(name, (_,)):
+            case core.Call(name, (_,)):
                 return name in _KINDS or name in _GROUPS or name in _PURE
-            case Call(name, args):
-                return len(args) > 0 and (name in COMPARISONS or name in _PURE)
-        return type(goal) is Truth
+            case core.Call(name, args):
+                return len(args) > 0 and (name in core.COMPARISONS or name in _PURE)
+        return type(goal) is core.Truth
 
-    def _simple_test(self, place: Place, goal: Goal) -> str:
+    def _simple_test(self, place: Place, goal: core.Goal) -> str:
         """Return the lines before, and the expression of, one simple goal."""
         function, scope = place.function, place.scope
         self._about(function, goal, scope)
         match goal:
-            case Truth(holds):
+            case core.Truth(holds):
                 return str(holds)
-            case Negation():
+            case core.Negation():
                 return self._negated_test(place, goal)
-            case Call(name, (arg,)) if name in _KINDS or name in _GROUPS:
+            case core.Call(name, (arg,)) if name in _KINDS or name in _GROUPS:
                 local = function.local()
                 function.emit(f"{local} = {build(function, scope, arg)}")
                 emit_deref(function, local)
                 check = f"is {_KINDS[name]}" if name in _KINDS else _GROUPS[name]
                 return f"type({local}) {check}"
-            case Call("is", (result, expression)):
+            case core.Call("is", (result, expression)):
                 return self._is_test_of_value(place, result, expression)
-            case Call("=", (left, right)):
+            case core.Call("=", (left, right)):
                 return self._unification_test(place, left, right)
-            case Call(name, args):
-                if len(args) == 2 and name in COMPARISONS:
+            case core.Call(name, args):
+                if len(args) == 2 and name in core.COMPARISONS:
                     return emit_comparison(function, scope, name, args)
                 parts = ["m", *(build(function, scope, arg) for arg in args)]
                 target = self._resolve(name, len(args))[1]
@@ -536,7 +513,7 @@ class BodyEmitter:
         if type(result) is Var and result not in place.scope.names:
             emit_is(place.function, place.scope, result, expression, place.give_up)
             return "True"
-        ensure(place.function, place.scope, term_variables(result))
+        ensure(place.function, place.scope, core.term_variables(result))
         name = place.function.local("v")
         value = Var()
         emit_is(place.function, place.scope, value, expression, place.give_up)
@@ -548,7 +525,7 @@ class BodyEmitter:
         left, right = deref(left), deref(right)
         for variable, other in ((left, right), (right, left)):
             if type(variable) is Var and variable not in scope.names and variable is not other:
-                if variable in term_variables(other):
+                if variable in core.term_variables(other):
                     continue
                 expression = build(function, scope, other)
                 name = scope.names[variable] = function.local("v")
@@ -556,12 +533,12 @@ class BodyEmitter:
                 return "True"
         return f"unify({build(function, scope, left)}, {build(function, scope, right)}, trail)"
 
-    def _negated_test(self, place: Place, goal: Negation) -> str:
+    def _negated_test(self, place: Place, goal: core.Negation) -> str:
         """Return the expression of a negation, whose bindings are always undone."""
         function = place.function
-        goals = steps(goal.goal)
+        goals = core.steps(goal.goal)
         # Outer variables that occur here first must exist outside, too.
-        ensure(function, place.scope, term_variables(goal.term))
+        ensure(function, place.scope, core.term_variables(goal.term))
         inner = replace(place, scope=place.scope.copy())
         if len(goals) == 1 and self._is_pure(goals[0]):
             return f"not ({self._simple_test(inner, goals[0])})"
@@ -580,4 +557,4 @@ class BodyEmitter:
 
 def variables_of(goals: Sequence[Step]) -> list[Var]:
     """Return the variables of goals, in order of appearance."""
-    return term_variables(make_list([goal.term for goal in goals if type(goal) is not Commit]))  # type: ignore[union-attr]
+    return core.term_variables(make_list([goal.term for goal in goals if type(goal) is not Commit]))  # type: ignore[union-attr]

@@ -5,23 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from drlsl.logic.core import (
-    COMPARISONS,
-    FAILURE,
-    Call,
-    Conjunction,
-    Cut,
-    Derived,
-    Disjunction,
-    Findall,
-    Goal,
-    IfThenElse,
-    Negation,
-    NotCallable,
-    Opaque,
-    Truth,
-    read_body,
-)
+from drlsl.logic import core
 from drlsl.logic.terms import NIL, Atom, Struct, Var
 from drlsl.lowering.frontend.unfold import Continue, Rule, Unfolder
 from drlsl.lowering.ir import (
@@ -55,39 +39,39 @@ def _rule(name: str, arity: int) -> Callable[[Rule], Rule]:
     return register
 
 
-def control(unfold: Unfolder, goal: Goal, then: Continue) -> Tree:
+def control(unfold: Unfolder, goal: core.Goal, then: Continue) -> Tree:
     """Return the solutions of a control construct."""
     match goal:
-        case Truth(holds):
+        case core.Truth(holds):
             return then() if holds else FAIL
-        case Conjunction(goals):
+        case core.Conjunction(goals):
             return unfold.conjunction(goals, then)
-        case Disjunction(first, second):
+        case core.Disjunction(first, second):
             return seq([unfold.solve(first, then), unfold.solve(second, then)])
-        case IfThenElse(condition, yes, no, soft):
+        case core.IfThenElse(condition, yes, no, soft):
             if soft:
                 return _soft(unfold, goal, then)
             return unfold.committed(
                 [condition], lambda: unfold.solve(yes, then), lambda: unfold.solve(no, then)
             )
-        case Negation(inner):
+        case core.Negation(inner):
             return _not(unfold, inner, then)
-        case Opaque(inner):
+        case core.Opaque(inner):
             return unfold.body([inner], then, lambda: FAIL)
-        case Findall(template, inner, result):
+        case core.Findall(template, inner, result):
             return _findall(unfold, template, inner, result, then)
-        case Derived(_, meaning):
+        case core.Derived(_, meaning):
             return unfold.solve(meaning, then)
-        case NotCallable():
+        case core.NotCallable():
             return require(unfold.pool.false, FAIL)  # the interpreter reports it
-        case Call() | Cut():
+        case core.Call() | core.Cut():
             raise AssertionError("calls are solved, and cuts taken out of bodies, elsewhere")
 
 
-def _soft(unfold: Unfolder, goal: IfThenElse, then: Continue) -> Tree:
+def _soft(unfold: Unfolder, goal: core.IfThenElse, then: Continue) -> Tree:
     condition, yes = goal.condition, goal.then
     yes_tree = unfold.body([condition], lambda: unfold.solve(yes, then), lambda: FAIL)
-    if goal.otherwise is FAILURE:
+    if goal.otherwise is core.FAILURE:
         return yes_tree
     tree = unfold.tree_of([condition])
     found = unfold.fold.exists(tree)
@@ -96,7 +80,7 @@ def _soft(unfold: Unfolder, goal: IfThenElse, then: Continue) -> Tree:
     return require(unfold.pool.not_(undecided), branch(found, yes_tree, no_tree))
 
 
-def _not(unfold: Unfolder, goal: Goal, then: Continue) -> Tree:
+def _not(unfold: Unfolder, goal: core.Goal, then: Continue) -> Tree:
     tree = unfold.tree_of([goal])
     undecided = unfold.fold.undecided(tree, whole=False)
     absent = unfold.pool.not_(unfold.fold.exists(tree))
@@ -129,13 +113,13 @@ def _qualified(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return _call(unfold, args[1:], then)
 
 
-def _named(name: str, *args: Sym) -> Goal:
-    return Call(name, args, Struct(name, args), None)
+def _named(name: str, *args: Sym) -> core.Goal:
+    return core.Call(name, args, Struct(name, args), None)
 
 
-def _given(term: Sym) -> Goal:
+def _given(term: Sym) -> core.Goal:
     """Return a goal that a builtin is given; what a variable is bound to is called in the program."""
-    return Call("call", (term,), term, None) if isinstance(term, Var) else read_body(term)
+    return core.Call("call", (term,), term, None) if isinstance(term, Var) else core.read_body(term)
 
 
 @_rule("=", 2)
@@ -239,7 +223,7 @@ def _comparison(name: str) -> None:
     RULES[name, 2] = compare
 
 
-for _name in COMPARISONS:
+for _name in core.COMPARISONS:
     _comparison(_name)
 
 
@@ -265,7 +249,7 @@ def _succ(unfold: Unfolder, args: Sequence[Sym], then: Continue) -> Tree:
     return require(unfold.pool.false, FAIL)
 
 
-def _findall(unfold: Unfolder, template: Sym, goal: Goal, result: Sym, then: Continue) -> Tree:
+def _findall(unfold: Unfolder, template: Sym, goal: core.Goal, result: Sym, then: Continue) -> Tree:
     tree = unfold.tree_of([goal], [template], counting=True)
     undecided = unfold.fold.undecided(tree, whole=True)
     found: Sym = Bag(tree)
@@ -324,7 +308,7 @@ _AGGREGATES: Final = frozenset(
 )
 
 
-def _count(unfold: Unfolder, goal: Goal, result: Sym, then: Continue) -> Tree:
+def _count(unfold: Unfolder, goal: core.Goal, result: Sym, then: Continue) -> Tree:
     tree = unfold.tree_of([goal], counting=True)
     undecided = unfold.fold.undecided(tree, whole=True)
     number = unfold.fold.count(tree)
@@ -333,7 +317,7 @@ def _count(unfold: Unfolder, goal: Goal, result: Sym, then: Continue) -> Tree:
 
 
 def _with_value(
-    unfold: Unfolder, expression: Sym, goal: Goal, others: Sequence[Sym], *, counting: bool
+    unfold: Unfolder, expression: Sym, goal: core.Goal, others: Sequence[Sym], *, counting: bool
 ) -> Tree:
     """Return the solutions of a goal as the value of an expression and other terms."""
     before, unfold.counting = unfold.counting, counting
@@ -349,7 +333,7 @@ def _with_value(
         unfold.counting = before
 
 
-def _sum(unfold: Unfolder, expression: Sym, goal: Goal, result: Sym, then: Continue) -> Tree:
+def _sum(unfold: Unfolder, expression: Sym, goal: core.Goal, result: Sym, then: Continue) -> Tree:
     tree = _with_value(unfold, expression, goal, (), counting=True)
     undecided = unfold.fold.undecided(tree, whole=True)
     try:
@@ -363,7 +347,7 @@ def _sum(unfold: Unfolder, expression: Sym, goal: Goal, result: Sym, then: Conti
     return require(unfold.pool.not_(undecided), unfold.evaluated([value], bounded))
 
 
-def _extreme(unfold: Unfolder, spec: Struct, goal: Goal, result: Sym, then: Continue) -> Tree:
+def _extreme(unfold: Unfolder, spec: Struct, goal: core.Goal, result: Sym, then: Continue) -> Tree:
     tree = _with_value(unfold, spec.args[0], goal, spec.args[1:], counting=False)
     undecided = unfold.fold.undecided(tree, whole=True)
     try:
