@@ -130,18 +130,7 @@ class Egos:
         """
         at, changed = self.at, np.empty(len(actions), dtype=np.bool_)
         stray = machine_code(steer)(
-            actions,
-            lane_to_keep,
-            at.y,
-            at.ended,
-            at.target_lane,
-            at.target_y,
-            courses.sign,
-            courses.lanes,
-            courses.lane_id,
-            courses.centre,
-            courses.width,
-            changed,
+            actions, lane_to_keep, at.y, at.ended, at.target_lane, at.target_y, *courses.across, changed
         )
         _check_known(stray, lane_to_keep)
         return changed
@@ -156,17 +145,7 @@ class Egos:
         """
         at, found = self.at, np.empty((len(places), len(Action)))
         stray = machine_code(find_targets)(
-            places,
-            lane_to_keep,
-            at.y,
-            at.target_lane,
-            at.target_y,
-            courses.sign,
-            courses.lanes,
-            courses.lane_id,
-            courses.centre,
-            courses.width,
-            found,
+            places, lane_to_keep, at.y, at.target_lane, at.target_y, *courses.across, found
         )
         _check_known(stray, lane_to_keep)
         return found

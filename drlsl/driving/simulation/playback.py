@@ -257,6 +257,11 @@ class Courses(Reels):
     centre: Floats
     width: Floats
 
+    @property
+    def across(self) -> tuple[Floats, Integers, Integers, Floats, Floats]:
+        """The sign of motion and the lanes: their number, ids, centres and widths."""
+        return self.sign, self.lanes, self.lane_id, self.centre, self.width
+
     def take(self, chosen: Integers) -> Courses:
         """Return the courses of the indexes `chosen`, shape (N,)."""
         return Courses(*(getattr(self, field.name).take(chosen, axis=0) for field in fields(self)))

@@ -7,7 +7,7 @@ and the control constructs; builtins, the library and deeper goals are left to t
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from drlsl.logic.core import (
@@ -265,21 +265,12 @@ class _Search:
         frame: _Frame,
         depth: int,
     ) -> _Proofs:
-        """Yield the proofs of a conjunction as steps of one kind, after other steps."""
-        proofs = self.conjunction(goals, frame, depth)
-        found = False
-        try:
-            while True:
-                try:
-                    steps = next(proofs)
-                except StopIteration as end:
-                    if found:
-                        return None
-                    return _Draft(goal, False, kind, (*self.finish_all(before), *end.value))
-                found = True
-                yield _Draft(goal, True, kind, (*before, *steps))
-        finally:
-            proofs.close()
+        """Return the proofs of a conjunction as steps of one kind, after other steps."""
+        return _drafts(
+            self.conjunction(goals, frame, depth),
+            lambda steps: _Draft(goal, True, kind, (*before, *steps)),
+            lambda steps: _Draft(goal, False, kind, (*self.finish_all(before), *steps)),
+        )
 
     def _alternatives(self, goal: _Goal, left: _Goal, right: _Goal, frame: _Frame, depth: int) -> _Proofs:
         first = yield from self._joined(left, "all", (), left.conjuncts(), frame, depth)
@@ -472,25 +463,44 @@ class _Search:
         return _Goal(body, _Scope(variables, labels, renaming))
 
     def _clause(self, goal: _Goal, clause: Clause, body: _Goal, frame: _Frame, depth: int) -> _Proofs:
-        """Yield the proofs by one clause whose head matches."""
+        """Return the proofs by one clause whose head matches."""
         if body.goal.term is TRUE:
-            yield _Draft(goal, True, "fact", (), "", clause.span, body.scope)
-            return None
-        proofs = self.conjunction(body.conjuncts(), frame, depth + 1)
-        found = False
-        try:
-            while True:
-                try:
-                    steps = next(proofs)
-                except StopIteration as end:
-                    if found:
-                        return None
-                    head = _Goal(read_body(clause.head), body.scope._replace(renaming=None))
-                    return _Draft(head, False, "clause", end.value, "", clause.span)
-                found = True
-                yield _Draft(goal, True, "rule", steps, "", clause.span, body.scope)
-        finally:
-            proofs.close()
+            return _once(_Draft(goal, True, "fact", (), "", clause.span, body.scope))
+
+        def failed(steps: tuple[Step, ...]) -> _Draft:
+            head = _Goal(read_body(clause.head), body.scope._replace(renaming=None))
+            return _Draft(head, False, "clause", steps, "", clause.span)
+
+        return _drafts(
+            self.conjunction(body.conjuncts(), frame, depth + 1),
+            lambda steps: _Draft(goal, True, "rule", steps, "", clause.span, body.scope),
+            failed,
+        )
+
+
+def _once(draft: _Draft) -> _Proofs:
+    """Yield one proof."""
+    yield draft
+    return None
+
+
+def _drafts(
+    proofs: _Conjunction,
+    held: Callable[[tuple[_Draft, ...]], _Draft],
+    failed: Callable[[tuple[Step, ...]], _Draft],
+) -> _Proofs:
+    """Yield what `held` makes of the steps of each proof; without any, return what `failed` makes of them."""
+    found = False
+    try:
+        while True:
+            try:
+                steps = next(proofs)
+            except StopIteration as end:
+                return None if found else failed(end.value)
+            found = True
+            yield held(steps)
+    finally:
+        proofs.close()
 
 
 def _no_match(count: int) -> str:

@@ -460,17 +460,26 @@ class BodyEmitter:
         function = place.function
         if len(goals) == 1 and self._is_pure(goals[0]):
             return self._simple_test(place, goals[0])
+        result, mark = self._all_hold(place, goals, True)
+        function.emit(f"if not {result} and len(trail) > {mark}: undo(trail, {mark})")
+        return result
+
+    def _all_hold(self, place: Place, goals: Sequence[core.Goal], value: bool) -> tuple[str, str]:
+        """Emit what sets a local to `value` if all goals hold, else to its contrary.
+
+        Return that local, and the one with the trail's length before.
+        """
+        function = place.function
         result, mark = function.local("b"), function.local("w")
-        function.emit(f"{result} = False")
+        function.emit(f"{result} = {not value}")
         function.emit(f"{mark} = len(trail)")
         depth = function.indent
         for goal in goals:
             function.emit(f"if {self._simple_test(place, goal)}:")
             function.indent += 1
-        function.emit(f"{result} = True")
+        function.emit(f"{result} = {value}")
         function.indent = depth
-        function.emit(f"if not {result} and len(trail) > {mark}: undo(trail, {mark})")
-        return result
+        return result, mark
 
     def _is_pure(self, goal: core.Goal) -> bool:
         """Return whether a simple goal surely binds nothing."""
@@ -542,15 +551,7 @@ class BodyEmitter:
         inner = replace(place, scope=place.scope.copy())
         if len(goals) == 1 and self._is_pure(goals[0]):
             return f"not ({self._simple_test(inner, goals[0])})"
-        result, mark = function.local("b"), function.local("w")
-        function.emit(f"{mark} = len(trail)")
-        function.emit(f"{result} = True")
-        depth = function.indent
-        for part in goals:
-            function.emit(f"if {self._simple_test(inner, part)}:")
-            function.indent += 1
-        function.emit(f"{result} = False")
-        function.indent = depth
+        result, mark = self._all_hold(inner, goals, False)
         function.emit(f"if len(trail) > {mark}: undo(trail, {mark})")
         return result
 

@@ -318,49 +318,27 @@ def _results(lowered: Lowered) -> Iterator[tuple[Node, Node]]:
 
 
 def _check_terms(query: Query, leaf: Emit) -> None:
-    def visit(term: Sym) -> None:
-        term = resolve(term)
-        if isinstance(term, Bag):
-            raise NotLowerable(str(query), None, "its answer holds a list of solutions")
-        for arg in term.args if isinstance(term, Struct) else ():
-            visit(arg)
-
-    for term in leaf.terms:
-        visit(term)
+    if any(isinstance(part, Bag) for part in _parts(leaf.terms)):
+        raise NotLowerable(str(query), None, "its answer holds a list of solutions")
 
 
 def _values(terms: Sequence[Sym]) -> list[Node]:
     """Return the nodes in the terms of a solution, from left to right."""
-    found: list[Node] = []
-
-    def visit(term: Sym) -> None:
-        term = resolve(term)
-        if isinstance(term, Node):
-            found.append(term)
-        elif isinstance(term, Struct):
-            for arg in term.args:
-                visit(arg)
-
-    for term in terms:
-        visit(term)
-    return found
+    return [part for part in _parts(terms) if isinstance(part, Node)]
 
 
 def _names(terms: Sequence[Sym]) -> list[str]:
     """Return the atoms in the terms of a solution."""
-    found: list[str] = []
+    return [part.name for part in _parts(terms) if isinstance(part, Atom)]
 
-    def visit(term: Sym) -> None:
-        term = resolve(term)
-        if isinstance(term, Atom):
-            found.append(term.name)
-        elif isinstance(term, Struct):
-            for arg in term.args:
-                visit(arg)
 
-    for term in terms:
-        visit(term)
-    return found
+def _parts(terms: Sequence[Sym]) -> Iterator[Sym]:
+    """Yield what is not compound in the terms of a solution, from left to right."""
+    for term in map(resolve, terms):
+        if isinstance(term, Struct):
+            yield from _parts(term.args)
+        else:
+            yield term
 
 
 def _alike(one: Sequence[Sym], other: Sequence[Sym]) -> bool:
