@@ -9,8 +9,7 @@ from typing import Any, Final, Self
 from drlsl.assurance.tested_rules import Answered, Question, Solutions, State, TestedRules
 from drlsl.driving import shield
 from drlsl.driving.scene import ATOMS, SCHEMA, Road, SceneBatch, road_facts, scene_facts
-from drlsl.driving.shield import Decisions, RuleFailure, Shield
-from drlsl.errors import UserError
+from drlsl.driving.shield import Decisions, Shield
 from drlsl.logic import Engine
 from drlsl.lowering.ir import Schema
 from drlsl.shield import Facts
@@ -73,12 +72,8 @@ class DrivingRules(TestedRules):
             self._road, self._road_facts = state.road, road_facts(state.road)
         return {**self._road_facts, **scene_facts(state)}
 
-    def failure(self, state: State) -> str | None:
-        try:
-            self.shield.decide(state)
-        except (RuleFailure, UserError) as failure:
-            return str(failure)
-        return None
+    def decide(self, state: State) -> None:
+        self.shield.decide(state)
 
     def on_arrays(self, tier: str, states: Sequence[State]) -> Iterator[Answered]:
         tested = self.shield.with_tier(tier)

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol, Self, TypeAlias
 
+from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.lowering.frontend import Mode
 from drlsl.lowering.ir import Schema
-from drlsl.shield import Facts
+from drlsl.shield import Facts, RuleFailure
 
 State: TypeAlias = Any
 """A scene of driving or the facts of another environment; only `TestedRules` of that kind look into it."""
@@ -85,8 +86,21 @@ class TestedRules(ABC):
         """Return the facts of a state, as generated code reads them."""
 
     @abstractmethod
+    def decide(self, state: State) -> None:
+        """Have the interpreter decide in a state.
+
+        Raises:
+            RuleFailure: it gives no usable decision.
+            UserError: the rules offer an action that is not known.
+        """
+
     def failure(self, state: State) -> str | None:
         """Return why the interpreter gives no usable decision in a state; None if it gives one."""
+        try:
+            self.decide(state)
+        except (RuleFailure, UserError) as failure:
+            return str(failure)
+        return None
 
     @abstractmethod
     def on_arrays(self, tier: str, states: Sequence[State]) -> Iterator[Answered]:

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Final
 
 from drlsl.assurance.tested_rules import Answered, Question, State, TestedRules
-from drlsl.errors import UserError
 from drlsl.logic import Engine
 from drlsl.logic.terms import Atom, Operators, format_term
 from drlsl.lowering.frontend import Query
 from drlsl.lowering.ir import Schema
-from drlsl.shield import LIMITS, ActionRules, Facts, Interpreter, RuleFailure, read_asked
+from drlsl.shield import LIMITS, ActionRules, Facts, Interpreter, read_asked
 
 
 class ToldRules(TestedRules):
@@ -68,12 +67,8 @@ class ToldRules(TestedRules):
     def facts(self, state: State) -> Facts:
         return state  # type: ignore[no-any-return]
 
-    def failure(self, state: State) -> str | None:
-        try:
-            self._asked.decide(state)
-        except (RuleFailure, UserError) as failure:
-            return str(failure)
-        return None
+    def decide(self, state: State) -> None:
+        self._asked.decide(state)
 
     def on_arrays(self, tier: str, states: Sequence[State]) -> Iterator[Answered]:
         offers = self._asked.with_tier(tier).decide_many(list(states))

@@ -14,7 +14,7 @@ from .seal import (
     seal_values,
 )
 from .user_code import find_object, refuse_while_loading, users_code
-from .whole_file import write_atomic, written_whole
+from .whole_file import scratch_beside, write_atomic, written_whole
 from .yaml_file import Location, YamlFile, parse_yaml, read_yaml, shown, to_yaml
 
 __all__ = [
@@ -39,6 +39,7 @@ __all__ = [
     "read_text",
     "read_yaml",
     "refuse_while_loading",
+    "scratch_beside",
     "seal_archive",
     "seal_text",
     "seal_values",

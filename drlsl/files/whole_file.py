@@ -52,6 +52,18 @@ def write_atomic(path: Path, content: bytes) -> None:
         raise UserError(f"{path}: cannot write: {error.strerror or error}") from error
 
 
+@contextmanager
+def scratch_beside(folder: Path) -> Iterator[Path]:
+    """Yield a folder beside `folder`, from which what is whole can be renamed; it is deleted at the end.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
+        yield Path(scratch)
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -60,11 +61,7 @@ def sweep_figure(results: Results) -> bytes:
             axes.plot(runs.index, runs["mean"], marker="o", markersize=3, label=method.label, **look)
         axes.set(xlabel=config.label)
         axes.grid(alpha=0.3)
-    for axes in panels[:, 0]:
-        axes.set(ylabel="At fault in 100 episodes")
-    for axes in panels.flat[len(sweeps) :]:
-        axes.remove()
-    return _png(figure, *panels.flat[0].get_legend_handles_labels())
+    return _panels_png(figure, panels, len(sweeps), "At fault in 100 episodes")
 
 
 def outcome_figure(results: Results) -> bytes:
@@ -97,9 +94,14 @@ def outcome_figure(results: Results) -> bytes:
         axes.yaxis.set_major_formatter("{x:g}")
         axes.set_ylim(-0.3, max(2.0, 1.5 * axes.dataLim.y1))
         axes.grid(alpha=0.3)
+    return _panels_png(figure, panels, len(tests), "At fault in 1,000 km")
+
+
+def _panels_png(figure: Figure, panels: npt.NDArray[np.object_], used: int, ylabel: str) -> bytes:
+    """Return a figure of several panels, of which the first are used, as PNG."""
     for axes in panels[:, 0]:
-        axes.set(ylabel="At fault in 1,000 km")
-    for axes in panels.flat[len(tests) :]:
+        axes.set(ylabel=ylabel)
+    for axes in panels.flat[used:]:
         axes.remove()
     return _png(figure, *panels.flat[0].get_legend_handles_labels())
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import tempfile
 import zipfile
 import zlib
 from pathlib import Path
 
 from drlsl.errors import UserError
-from drlsl.files import cache_folder
+from drlsl.files import cache_folder, scratch_beside
 
 
 def unpacked(path: Path) -> Path:
@@ -31,9 +30,9 @@ def unpacked(path: Path) -> Path:
             room = shutil.disk_usage(folder.parent).free
             if needed > room:
                 raise UserError(f"{path}: needs {needed:,} bytes when unpacked, and {room:,} are free")
-            with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
-                archive.extractall(Path(scratch) / "new")
-                (Path(scratch) / "new").rename(folder)
+            with scratch_beside(folder) as scratch:
+                archive.extractall(scratch / "new")
+                (scratch / "new").rename(folder)
     except (OSError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
         raise UserError(f"{path}: cannot be unpacked: {error}") from error
     return folder

@@ -9,7 +9,6 @@ from __future__ import annotations
 import lzma
 import re
 import struct
-import tempfile
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
+from drlsl.files import scratch_beside
 from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.road import MergingLane, Traffic
@@ -88,9 +88,8 @@ def write_highd(
         "recordingMeta": _meta_table(content, part),
     }
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
-            fresh = Path(scratch) / "new"
+        with scratch_beside(folder) as scratch:
+            fresh = scratch / "new"
             fresh.mkdir()
             for kind, table in tables.items():
                 text = table.to_csv(index=False, float_format="%.2f", lineterminator="\n").encode()
@@ -101,7 +100,7 @@ def write_highd(
                     (fresh / f"{part}_{kind}.csv").write_bytes(text)
             if content.location is not None:
                 (fresh / f"{part}_highway.png").write_bytes(_picture())
-            _swap(fresh, folder, aside=Path(scratch) / "old")
+            _swap(fresh, folder, aside=scratch / "old")
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error}") from error
     return folder

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from drlsl.driving.export.rule_program import RuleProgram
 from drlsl.driving.export.scenes import draw_scenes
 from drlsl.driving.export.stored import StoredDecision, decide_all
 from drlsl.errors import UserError
+from drlsl.files import scratch_beside
 from drlsl.lowering.ir import NotLowerable
 
 DECISIONS: Final = 1_000
@@ -68,9 +68,8 @@ def export_rules(paths: Sequence[Path], to: str, out: Path, *, decisions: int = 
 def _write(out: Path, files: Files) -> list[Path]:
     """Write files to a new folder, whole or not at all."""
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
-            whole = Path(folder) / "whole"
+        with scratch_beside(out) as scratch:
+            whole = scratch / "whole"
             whole.mkdir()
             for name, text in files.items():
                 (whole / name).write_text(text, encoding="utf-8")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from drlsl.logic import Engine
-from drlsl.logic.core import COMPARISONS, OPERATIONS, Clause, instantiated
+from drlsl.logic.core import COMPARISONS, GOAL_ARGUMENTS, OPERATIONS, Clause, instantiated
 from drlsl.logic.syntax import Span
 from drlsl.logic.terms import TRUE, Atom, Operators, Struct, Term, Var, deref, format_term
 from drlsl.lowering.ir import NotLowerable
@@ -26,19 +26,8 @@ def _indicators(text: str) -> frozenset[Indicator]:
     return frozenset((name, int(arity)) for word in text.split() for name, _, arity in [word.rpartition("/")])
 
 
-_GOALS: Final[dict[Indicator, tuple[int, ...]]] = {
-    (",", 2): (0, 1),
-    (";", 2): (0, 1),
-    ("->", 2): (0, 1),
-    ("\\+", 1): (0,),
-    ("call", 1): (0,),
-    ("once", 1): (0,),
-    ("findall", 3): (1,),
-    ("catch", 3): (0, 2),
-    ("forall", 2): (0, 1),
-    ("ignore", 1): (0,),
-}
-"""The arguments that are goals."""
+_GOALS: Final = _indicators(""",/2 ;/2 ->/2 \\+/1 call/1 once/1 findall/3 catch/3 forall/2 ignore/1""")
+"""What takes goals, in ISO Prolog or in the prelude."""
 
 _BUILTINS: Final = _indicators(
     """true/0 fail/0 !/0 =/2 \\=/2 ==/2 \\==/2 @</2 @>/2 @=</2 @>=/2 is/2 =:=/2 =\\=/2 </2 >/2 =</2 >=/2
@@ -159,7 +148,7 @@ class _Writer:
         if key == ("aggregate_all", 3):
             return self._aggregate(*args)
         if key in _GOALS:
-            places = _GOALS[key]
+            places = GOAL_ARGUMENTS[key]
             args = tuple(self._goal(arg) if place in places else arg for place, arg in enumerate(args))
             return Struct(f"drlsl_{name}" if key in _PRELUDE else name, args)
         if key in _PRELUDE:

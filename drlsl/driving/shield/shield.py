@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 import logging
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from drlsl.driving.scene import Scene
 from drlsl.driving.shield.action_names import unknown_actions
@@ -25,6 +25,8 @@ from drlsl.shield import consult_rules, program_files
 if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch
     from drlsl.driving.shield.tier import Tier
+
+T = TypeVar("T")
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -140,11 +142,7 @@ class Shield:
             UserError: the tier cannot run the program, or the rules offer an action that the agent does not
                 know.
         """
-        with self.lock:
-            try:
-                return self._tier_for_one().decide_scene(scene)
-            except Undecided:
-                return self._interpreter.decide_scene(scene)
+        return self._of_one(lambda tier: tier.decide_scene(scene))
 
     def entry_is_safe(self, scene: Scene) -> bool:
         """Return whether the ego may enter where `scene` places it.
@@ -153,11 +151,7 @@ class Shield:
             RuleFailure: the rules raised an error.
             UserError: the tier cannot run the program.
         """
-        with self.lock:
-            try:
-                return self._tier_for_one().entry_is_safe(scene)
-            except Undecided:
-                return self._interpreter.entry_is_safe(scene)
+        return self._of_one(lambda tier: tier.entry_is_safe(scene))
 
     def decide_batch(self, scenes: SceneBatch) -> Decisions:
         """Return the decision about each of N scenes; if the rules fail, the fail-safe, marked as such.
@@ -213,6 +207,14 @@ class Shield:
         """
         with self.lock:
             self._interpreter.state_facts(scene)
+
+    def _of_one(self, ask: Callable[[Tier], T]) -> T:
+        """Return what the tier says of one scene, or the interpreter if the tier leaves it undecided."""
+        with self.lock:
+            try:
+                return ask(self._tier_for_one())
+            except Undecided:
+                return ask(self._interpreter)
 
     def _tier_for_one(self) -> Tier:
         """Return the tier for one scene; for the interpreter nothing else is loaded, so a query is light."""

@@ -91,8 +91,10 @@ class LearningReport:
             f"- the table notices {self._mutants.killed:,} of {len(self._mutants.verdicts):,} mutants; "
             f"{len(self._mutants.survivors):,} have a reason"
         )
-        yield "\n| round | clauses | safe examples offered | at fault | proofs | new unsafe examples |"
-        yield "|---|---|---|---|---|---|"
+        yield ""
+        yield from _head(
+            "round", "clauses", "safe examples offered", "at fault", "proofs", "new unsafe examples"
+        )
         for one in self._learnt.rounds:
             fault = ", ".join(
                 f"{name} {counts['contacts_at_fault']} in {counts['episodes']:,}"
@@ -109,8 +111,7 @@ class LearningReport:
             rules=(self._rules,), properties=self._request.properties, crew=what.crew, attack=what.attack
         )
         self._tell("report: proofs")
-        yield "| property | result | means |"
-        yield "|---|---|---|"
+        yield from _head("property", "result", "means")
         pictures = []
         for result in verify(request).results:
             yield f"| {result.name} | {_status(result)} | {result.text} |"
@@ -126,8 +127,16 @@ class LearningReport:
             f"{what.episodes:,} episodes on each recording, a third by each policy of `drlsl stress`. "
             "Recordings marked * were not learnt from.\n"
         )
-        yield "| rules | recording | km | lane changes | off the road | at fault | excused | by lane change |"
-        yield "|---|---|---|---|---|---|---|---|"
+        yield from _head(
+            "rules",
+            "recording",
+            "km",
+            "lane changes",
+            "off the road",
+            "at fault",
+            "excused",
+            "by lane change",
+        )
         for rules in (self._rules, *map(Path, BESIDE)):
             self._tell(f"report: stress with {rules.name}")
             driven = stressed(
@@ -145,12 +154,19 @@ class LearningReport:
             f"{what.drives} episodes of each driver behind each of the rules, against keeping the lane in "
             "the same episodes.\n"
         )
-        yield "| driver | rules | recording | time saved | lane changes per km | at fault | excused |"
-        yield "|---|---|---|---|---|---|---|"
+        yield from _head(
+            "driver", "rules", "recording", "time saved", "lane changes per km", "at fault", "excused"
+        )
         for rules in (self._rules, *map(Path, BESIDE)):
             self._tell(f"report: time saved behind {rules.name}")
             for recording in dict.fromkeys([*self._request.recordings, *what.held_out]):
                 yield from _driven(rules, recording, what)
+
+
+def _head(*names: str) -> Iterator[str]:
+    """Yield the head of a table with columns of these names."""
+    yield f"| {' | '.join(names)} |"
+    yield "|" + "---|" * len(names)
 
 
 def _status(result: Result) -> str:

@@ -21,6 +21,7 @@ from drlsl.logic.terms import Atom
 from drlsl.lowering.backends import Array, Ops, Rows
 from drlsl.lowering.ir import Node, relation_of
 from drlsl.traffic import Floats
+from drlsl.verify.row_memory import RowMemory
 
 Facts: TypeAlias = Mapping[tuple[str, int], Rows]
 
@@ -134,22 +135,14 @@ def _constant(_columns: _Columns, value: Any, kind: type) -> Array:
     return np.array([value])
 
 
-class _Listing:
+class _Listing(RowMemory[int]):
     """Lists the operations for nodes of a lowered program."""
 
     def __init__(self, recipe: _Recipe, code: Callable[[str], int]) -> None:
+        super().__init__()
         self._step = recipe.step
         self._constant = recipe.constant
         self._code = code
-        self._axis: dict[Node, int] = {}
-        self._done: dict[Any, int] = {}
-
-    def _once(self, what: Any, node: Node, make: Callable[[Node], int]) -> int:
-        place = (what, node, *[self._axis[loop] for loop in node.loops])
-        known = self._done.get(place)
-        if known is None:
-            known = self._done[place] = make(node)
-        return known
 
     def far(self, node: Node, wanted: bool) -> int:
         """List the distance of `node` from being true, or false if not `wanted`."""
@@ -223,7 +216,7 @@ class _Listing:
     def _visiting(self, node: Node) -> Iterator[tuple[int, Node]]:
         """Give a quantifier's loop a level, whose axis is -(level + 2); yield it with the rows it visits."""
         # levels distinguish loops that rules nest; loops in conditions on rows may share a level
-        taken = {self._axis[other] for other in node.free}
+        taken = {self._loops[other] for other in node.free}
         level = next(level for level in range(len(taken) + 1) if level not in taken)
         loop = node.args[0]
         with self._at(loop, level):
@@ -251,13 +244,10 @@ class _Listing:
     @contextmanager
     def _at(self, loop: Node, level: int) -> Iterator[None]:
         """Have a loop on an axis; an enclosing quantifier may use the same loop on another axis."""
-        outer = self._axis.get(loop)
-        self._axis[loop] = level
+        outer = self._loops.get(loop)
+        self._loops[loop] = level
         yield
-        if outer is None:
-            del self._axis[loop]
-        else:
-            self._axis[loop] = outer
+        self._leave(loop, outer)
 
     def _along(self, rows: int, level: int) -> int:
         """List values by row with the rows along the axis of a level."""
@@ -272,7 +262,7 @@ class _Listing:
         if node.op == "loop":
             relation = relation_of(node)
             places = self._step(_places, self._step(_valid, key=(relation.name, relation.arity)))
-            return self._along(places, self._axis[node])
+            return self._along(places, self._loops[node])
         if node.op == "select":
             return self._step(np.where, self._holds(node.args[0]), *map(self._index, node.args[1:]))
         with self._visiting(node) as (level, rows):
@@ -303,7 +293,7 @@ class _Listing:
         if index.op == "row":
             return self._step(_first_row, rows)
         if index.op == "loop":
-            return self._along(rows, self._axis[index])
+            return self._along(rows, self._loops[index])
         return self._step(_taken, rows, self._index(index))
 
     def _gathered(self, node: Node) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, Generic, TypeAlias, TypeVar
@@ -18,6 +18,7 @@ from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import SMALLEST_DIVISOR, Node, reach
 from drlsl.verify.attack.enclosures import ANY, NO_NUMBER, Enclosure, hull, operation, point
 from drlsl.verify.attack.sampled_facts import ExactFacts
+from drlsl.verify.row_memory import RowMemory
 
 N = TypeVar("N")
 Truth: TypeAlias = "bool | None"
@@ -74,13 +75,12 @@ def _amount(node: Node, judged: _Exact, facts: ExactFacts) -> Fraction | None:
     return max((judged.distances[place] for place in first if place in judged.distances), default=None)
 
 
-class _Evaluation(ABC, Generic[N]):
+class _Evaluation(RowMemory[int], ABC, Generic[N]):
     """Evaluates nodes over the rows of one scene; `comparisons` has the outcome of each comparison."""
 
     def __init__(self, facts: ExactFacts) -> None:
+        super().__init__()
         self._facts = facts
-        self._row: dict[Node, int] = {}
-        self._done: dict[Any, Any] = {}
         self.comparisons: dict[Place, Truth] = {}
 
     @abstractmethod
@@ -108,13 +108,7 @@ class _Evaluation(ABC, Generic[N]):
         """Return a number that is one of two."""
 
     def _place(self, node: Node) -> Place:
-        return node, tuple([self._row[loop] for loop in node.loops])
-
-    def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
-        place = (what, self._place(node))
-        if place not in self._done:
-            self._done[place] = make(node)
-        return self._done[place]
+        return node, tuple([self._loops[loop] for loop in node.loops])
 
     def truth(self, node: Node) -> Truth:
         """Return the truth of a node of kind bool."""
@@ -162,27 +156,20 @@ class _Evaluation(ABC, Generic[N]):
 
     def _met(self, rows: list[tuple[Truth, int]], loop: Node, cond: Node) -> list[tuple[Truth, int]]:
         """Return rows with whether they exist and meet a condition."""
-        outer = self._row.get(loop)
+        outer = self._loops.get(loop)
         result = []
         for there, place in rows:
-            self._row[loop] = place
+            self._loops[loop] = place
             result.append((_all([there, self.truth(cond)]), place))
         self._leave(loop, outer)
         return result
 
-    def _leave(self, loop: Node, outer: int | None) -> None:
-        """Restore the row of a loop: a quantifier inside may use the same loop."""
-        if outer is None:
-            self._row.pop(loop, None)
-        else:
-            self._row[loop] = outer
-
     def _values(self, loop: Node, value: Node, places: Sequence[int]) -> list[N]:
         """Return a number for each of these rows."""
-        outer = self._row.get(loop)
+        outer = self._loops.get(loop)
         values = []
         for place in places:
-            self._row[loop] = place
+            self._loops[loop] = place
             values.append(self.value(value))
         self._leave(loop, outer)
         return values
@@ -198,7 +185,7 @@ class _Evaluation(ABC, Generic[N]):
     def index(self, node: Node) -> int:
         """Return the row that an index node stands for."""
         if node.op == "loop":
-            return self._row[node]
+            return self._loops[node]
         result: int = self._once("index", node, self._index)
         return result
 

@@ -16,6 +16,7 @@ from gmpy2 import mpq
 from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
 from drlsl.lowering.ir import LARGEST, Node, Relation
+from drlsl.verify.row_memory import RowMemory
 from drlsl.verify.smt.booleans import Bool
 from drlsl.verify.smt.functions import bounds_of, domain_of
 from drlsl.verify.smt.polynomials import Polynomial, Rational
@@ -44,23 +45,14 @@ class Row:
     columns: tuple[Value | Finite, ...]
 
 
-class Formula:
+class Formula(RowMemory[Indices]):
     """Translates nodes, over the rows of one symbolic scene."""
 
     def __init__(self, algebra: Algebra, facts: Mapping[tuple[str, int], Sequence[Row]]) -> None:
+        super().__init__()
         self.algebra = algebra
         self.booleans = algebra.booleans
         self._facts = facts
-        self._loops: dict[Node, Indices] = {}
-        self._done: dict[object, Any] = {}
-
-    def _once(self, what: str, node: Node, make: Callable[[Node], Any]) -> Any:
-        """Return `make(node)`, computed once for each choice of the rows of the node's loops."""
-        place = (what, node, *[self._loops[loop] for loop in node.loops])
-        known = self._done.get(place)
-        if known is None:
-            known = self._done[place] = make(node)
-        return known
 
     def _relation(self, relation: Relation) -> Sequence[Row]:
         return self._facts[relation.name, relation.arity]
@@ -280,14 +272,8 @@ class Formula:
             cond = self.booleans.and_([present, *map(self.truth, conds)])
             if cond is not self.booleans.false:
                 result.append((cond, make(loop)))
-        self._restore(loop, outer)
+        self._leave(loop, outer)
         return result
-
-    def _restore(self, loop: Node, outer: Indices | None) -> None:
-        if outer is None:
-            self._loops.pop(loop, None)
-        else:
-            self._loops[loop] = outer
 
     def _rows(self, rows: Node) -> list[tuple[Bool, int]]:
         """Return the rows of a rows node, with the conditions that they are in it."""
