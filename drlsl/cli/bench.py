@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import statistics
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from drlsl.cli.options import AsJson, given_settings
+from drlsl.cli.options import AsJson, given_settings, several
 
 app = typer.Typer(help="Measure speeds, medians of several runs.", no_args_is_help=True)
 
@@ -98,15 +99,19 @@ def env(runs: Runs = 5, as_json: AsJson = False) -> None:
     """Measure environment steps a second, alone and side by side, beside highway-env if installed."""
     from drlsl.benchmarks import VEHICLES, env_speeds
 
-    speeds = env_speeds(runs)
-    if as_json:
-        print(json.dumps(speeds, indent=2))
-        return
-    print(f"environment steps a second, {VEHICLES} vehicles, rules on the {speeds['tier']} tier")
-    for size, speed in speeds["steps_per_s"].items():
-        print(f"  {size:>4} side by side {speed:>12,.0f}")
-    if "highway_env" in speeds:
-        print(f"  highway-env, 1    {speeds['highway_env']:>12,.0f}")
+    def lines(speeds: Any) -> Iterator[str]:
+        yield f"environment steps a second, {VEHICLES} vehicles, rules on the {speeds['tier']} tier"
+        for size, speed in speeds["steps_per_s"].items():
+            yield f"  {size:>4} side by side {speed:>12,.0f}"
+        if "highway_env" in speeds:
+            yield f"  highway-env, 1    {speeds['highway_env']:>12,.0f}"
+
+    _print_speeds(env_speeds(runs), lines, as_json=as_json)
+
+
+def _print_speeds(speeds: Any, lines: Callable[[Any], Iterator[str]], *, as_json: bool) -> None:
+    """Print speeds as JSON, or as the lines that say them."""
+    print(json.dumps(speeds, indent=2) if as_json else "\n".join(lines(speeds)))
 
 
 @app.command()
@@ -114,17 +119,16 @@ def rules(runs: Runs = 5, as_json: AsJson = False) -> None:
     """Measure the rules in every tier, for one scene and for a batch, beside swipl if installed."""
     from drlsl.benchmarks import rule_speeds
 
-    speeds = rule_speeds(runs)
-    if as_json:
-        print(json.dumps(speeds, indent=2))
-        return
-    print("one scene: its facts replaced and four queries asked [ms]")
-    for tier, by_vehicles in speeds["one_scene_ms"].items():
-        cells = "   ".join(f"{number} vehicles {value:7.3f}" for number, value in by_vehicles.items())
-        print(f"  {tier:<14} {cells}")
-    print("256 scenes with 40 vehicles: each scene [us]")
-    for tier, value in speeds["batch_us_per_scene"].items():
-        print(f"  {tier:<14} {value:8.2f}")
+    def lines(speeds: Any) -> Iterator[str]:
+        yield "one scene: its facts replaced and four queries asked [ms]"
+        for tier, by_vehicles in speeds["one_scene_ms"].items():
+            cells = "   ".join(f"{number} vehicles {value:7.3f}" for number, value in by_vehicles.items())
+            yield f"  {tier:<14} {cells}"
+        yield "256 scenes with 40 vehicles: each scene [us]"
+        for tier, value in speeds["batch_us_per_scene"].items():
+            yield f"  {tier:<14} {value:8.2f}"
+
+    _print_speeds(rule_speeds(runs), lines, as_json=as_json)
 
 
 @app.command()
@@ -133,7 +137,7 @@ def train(
     num_envs: Annotated[int, typer.Option(min=1, help="Environments driven in step.")] = 16,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="A setting of the training; may be repeated."),
+        several("--set", "KEY=VALUE", "A setting of the training; may be repeated."),
     ] = None,
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Train so many seeds together, too, as train --seeds does.")

@@ -17,6 +17,7 @@ from drlsl.cli.options import (
     config_and_arguments,
     one_or_several,
     recordings,
+    several,
 )
 from drlsl.errors import UserError
 
@@ -68,10 +69,10 @@ Who = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option(
+    several(
         "--set",
-        metavar="KEY=VALUE",
-        help="Any other setting of env, such as env.traffic=reactive, or of the driver, such as "
+        "KEY=VALUE",
+        "Any other setting of env, such as env.traffic=reactive, or of the driver, such as "
         "driver.politeness=0.2; may be repeated.",
     ),
 ]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
+from typer.models import OptionInfo
 
 from drlsl.errors import UserError
 
@@ -34,6 +35,14 @@ def presets(incomplete: str) -> list[str]:
     from drlsl.learning import preset_names
 
     return [name for name in preset_names() if name.startswith(incomplete)]
+
+
+def several(
+    name: str, metavar: str, words: str, complete: Callable[[str], list[str]] | None = None
+) -> OptionInfo:
+    """Return an option that may be given several times, explained by `words`."""
+    option: OptionInfo = typer.Option(name, metavar=metavar, help=words, autocompletion=complete)
+    return option
 
 
 Jobs = Annotated[

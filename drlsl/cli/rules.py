@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from drlsl.cli import rules_learn, rules_test, verify
-from drlsl.cli.options import RuleFiles
+from drlsl.cli.options import RuleFiles, several
 
 if TYPE_CHECKING:
     from drlsl.logic import Engine
@@ -160,10 +160,8 @@ def show(
     tier: Annotated[Tier, typer.Option("--tier", help="Which code to print.")] = Tier.SCALAR,
     goals: Annotated[
         list[str] | None,
-        typer.Option(
-            "--query",
-            metavar="NAME/ARITY",
-            help="What it answers, instead of what driving asks; may be given again.",
+        several(
+            "--query", "NAME/ARITY", "What it answers, instead of what driving asks; may be given again."
         ),
     ] = None,
 ) -> None:

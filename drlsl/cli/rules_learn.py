@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 import typer
 
 from drlsl.cli.learning_display import LearningDisplay
-from drlsl.cli.options import Jobs, Ray, crew_of, recordings
+from drlsl.cli.options import Jobs, Ray, crew_of, recordings, several
 
 if TYPE_CHECKING:
     from drlsl.assurance import Score
@@ -61,15 +61,15 @@ Literals = Annotated[int, typer.Option(help="The most literals of a clause.")]
 SearchTime = Annotated[float, typer.Option(min=0.1, help="Seconds of each search.")]
 Must = Annotated[
     list[str] | None,
-    typer.Option(
+    several(
         "--must",
-        metavar="NAME",
-        help="A property that must be proved; may be repeated. Default: nobody_alongside, nothing_hidden.",
+        "NAME",
+        "A property that must be proved; may be repeated. Default: nobody_alongside, nothing_hidden.",
     ),
 ]
 Properties = Annotated[
     list[Path] | None,
-    typer.Option("--property", metavar="FILE", help="A file of properties instead of properties.pl."),
+    several("--property", "FILE", "A file of properties instead of properties.pl."),
 ]
 Episodes = Annotated[
     int | None,
@@ -83,12 +83,12 @@ Rounds = Annotated[int, typer.Option(min=1, help="The most rounds.")]
 Seed = Annotated[int, typer.Option(min=0, help="Everything random follows from it.")]
 HeldOut = Annotated[
     list[str] | None,
-    typer.Option(
+    several(
         "--held-out",
-        metavar="NAME",
-        help="A recording, or a data set, to judge by, never learnt from; may be repeated. Default: "
+        "NAME",
+        "A recording, or a data set, to judge by, never learnt from; may be repeated. Default: "
         "highway-test, overtake-test.",
-        autocompletion=recordings,
+        recordings,
     ),
 ]
 Agent = Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 import typer
 
 from drlsl.cli.drivers import loaded_driver, trained_env
-from drlsl.cli.options import AsJson, Direction, Jobs, Ray, Rules, check_new, crew_of, given_settings
+from drlsl.cli.options import AsJson, Direction, Jobs, Ray, Rules, check_new, crew_of, given_settings, several
 
 if TYPE_CHECKING:
     from drlsl.driving import Counts, EnvConfig, StressReport
@@ -68,7 +68,7 @@ Who = Annotated[
 ]
 Parameters = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="driver.KEY=VALUE", help="A parameter of the driver; may be repeated."),
+    several("--set", "driver.KEY=VALUE", "A parameter of the driver; may be repeated."),
 ]
 Period = Annotated[
     float | None,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import Direction, Rules, given_settings, one_or_several, presets, recordings
+from drlsl.cli.options import Direction, Rules, given_settings, one_or_several, presets, recordings, several
 from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.cli.training_display import display
 from drlsl.errors import UserError
@@ -63,7 +63,7 @@ Device = Annotated[Literal["auto", "cpu", "cuda"] | None, typer.Option(help="Whe
 CheckpointEvery = Annotated[int | None, typer.Option(help="Episodes from one checkpoint to the next.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Any other setting of --print-config; may be repeated."),
+    several("--set", "KEY=VALUE", "Any other setting of --print-config; may be repeated."),
 ]
 TensorBoard = Annotated[
     bool, typer.Option("--tensorboard", help="Write event files for TensorBoard into the run folder, too.")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, check_new, crew_of
+from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, check_new, crew_of, several
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -28,15 +28,11 @@ class Solver(StrEnum):
 
 Properties = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--property",
-        metavar="FILE",
-        help="A file of properties instead of properties.pl; give it again for more.",
-    ),
+    several("--property", "FILE", "A file of properties instead of properties.pl; give it again for more."),
 ]
 Only = Annotated[
     list[str] | None,
-    typer.Option("--only", metavar="NAME", help="Only this property; give it again for more."),
+    several("--only", "NAME", "Only this property; give it again for more."),
 ]
 AttackScenes = Annotated[
     int | None,
