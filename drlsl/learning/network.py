@@ -127,6 +127,10 @@ class QNetwork:
         self.sizes = (observation_size, *hidden, action_count)
         parameters = torch.zeros(_count(self.sizes), device=device)
         self._lie_in(parameters, torch.zeros_like(parameters))
+        self._begin(generator)
+
+    def _begin(self, generator: torch.Generator) -> None:
+        """Draw the first parameters."""
         for layer in self.layers:
             _draw(layer, generator)
 
@@ -243,17 +247,10 @@ class NoisyQNetwork(QNetwork):
 
     steady = False
 
-    def __init__(
-        self,
-        observation_size: int,
-        hidden: Sequence[int],
-        action_count: int,
-        generator: torch.Generator,
-        device: torch.device,
-    ) -> None:
-        super().__init__(observation_size, hidden, action_count, generator, device)
+    def _begin(self, generator: torch.Generator) -> None:
+        super()._begin(generator)
         self._generator = generator
-        count = len(self._weights)
+        count, device = len(self._weights), self._weights.device
         self.parameters, self.gradient = torch.zeros(2, 2 * count, device=device)
         self._mean, self._spread = torch.split(self.parameters, count)
         self._mean.copy_(self._weights)

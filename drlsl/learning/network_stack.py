@@ -26,13 +26,7 @@ class _Products(Protocol):
     def slopes_before(self, places: Sequence[int], index: int, slopes: torch.Tensor) -> torch.Tensor:
         """Return the derivatives in a layer's inputs. Shape: (K, B, outputs) to (K, B, inputs)."""
 
-    def write_gradient(
-        self,
-        places: Sequence[int],
-        index: int,
-        inputs: Values,
-        slopes: torch.Tensor,
-    ) -> None:
+    def write_gradient(self, places: Sequence[int], index: int, inputs: Values, slopes: torch.Tensor) -> None:
         """Write the gradient of a layer. Shapes: (K, B, inputs) and (K, B, outputs)."""
 
 
@@ -65,13 +59,7 @@ class _OneByOne:
             torch.mm(given, self._layers[index][place].weight.t(), out=result)
         return before
 
-    def write_gradient(
-        self,
-        places: Sequence[int],
-        index: int,
-        inputs: Values,
-        slopes: torch.Tensor,
-    ) -> None:
+    def write_gradient(self, places: Sequence[int], index: int, inputs: Values, slopes: torch.Tensor) -> None:
         for place, given, slope in zip(places, inputs, slopes, strict=True):
             gradient = self._slopes[index][place]
             torch.mm(given.t(), slope, out=gradient.weight)
@@ -97,13 +85,7 @@ class _Batched:
     def slopes_before(self, places: Sequence[int], index: int, slopes: torch.Tensor) -> torch.Tensor:
         return torch.bmm(slopes, self._layers[index].weight[self._rows(places)].mT)
 
-    def write_gradient(
-        self,
-        places: Sequence[int],
-        index: int,
-        inputs: Values,
-        slopes: torch.Tensor,
-    ) -> None:
+    def write_gradient(self, places: Sequence[int], index: int, inputs: Values, slopes: torch.Tensor) -> None:
         at, gradient = self._rows(places), self._slopes[index]
         gradient.weight[at] = torch.bmm(_whole(inputs).mT, slopes)
         gradient.bias[at] = slopes.sum(1)

@@ -85,6 +85,14 @@ class RunFolder:
         self.config = config
         self.columns = metric_columns(config)
         """The columns of metrics.csv."""
+        self.checkpoint = root / CHECKPOINT
+        """The file of the learner's state."""
+        self.policy = root / POLICY
+        """The file of the network's weights."""
+        self.figures = root / FIGURES
+        """The folder of the training figures."""
+        self.tensorboard = root / TENSORBOARD
+        """The folder of the event files for TensorBoard."""
 
     @classmethod
     def create(cls, root: Path, config: TrainConfig, *, force: bool = False) -> Self:
@@ -137,26 +145,6 @@ class RunFolder:
             UserError: another process is training in it.
         """
         return FolderLock(self.root, LOCK, TRAINING)
-
-    @property
-    def checkpoint(self) -> Path:
-        """The file of the learner's state."""
-        return self.root / CHECKPOINT
-
-    @property
-    def policy(self) -> Path:
-        """The file of the network's weights."""
-        return self.root / POLICY
-
-    @property
-    def figures(self) -> Path:
-        """The folder of the training figures."""
-        return self.root / FIGURES
-
-    @property
-    def tensorboard(self) -> Path:
-        """The folder of the event files for TensorBoard."""
-        return self.root / TENSORBOARD
 
     def append_metrics(self, event: EpisodeEvent) -> dict[str, Any]:
         """Add an episode's row, and return it; floats are written so that they read back bit for bit.

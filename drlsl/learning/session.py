@@ -32,6 +32,12 @@ class Session(AbstractContextManager["Session"]):
     def __init__(self, folder: RunFolder, trainer: Trainer, lock: FolderLock, *, tensorboard: bool) -> None:
         self.folder = folder
         self.trainer = trainer
+        self.root = folder.root
+        """The run folder."""
+        self.config = folder.config
+        """The settings of the training."""
+        self.episodes = folder.config.episodes
+        """Number of episodes from the first to the last."""
         self._lock = lock
         self._log = TensorBoardLog(folder) if tensorboard else None
         self.saved_steps = trainer.total_steps
@@ -108,21 +114,6 @@ class Session(AbstractContextManager["Session"]):
         # A run that was killed between the two has the weights of the previous checkpoint.
         session._save_policy()
         return session
-
-    @property
-    def root(self) -> Path:
-        """The run folder."""
-        return self.folder.root
-
-    @property
-    def config(self) -> TrainConfig:
-        """The settings of the training."""
-        return self.folder.config
-
-    @property
-    def episodes(self) -> int:
-        """Number of episodes from the first to the last."""
-        return self.config.episodes
 
     @property
     def finished(self) -> int:

@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 from drlsl.lowering.ir import Node
 
 R = TypeVar("R")
+T = TypeVar("T")
 
 
 class RowMemory(Generic[R]):
@@ -17,12 +18,13 @@ class RowMemory(Generic[R]):
         self._loops: dict[Node, R] = {}
         self._done: dict[object, Any] = {}
 
-    def _once(self, what: object, node: Node, make: Callable[[Node], Any]) -> Any:
+    def _once(self, what: object, node: Node, make: Callable[[Node], T]) -> T:
         """Return `make(node)`, computed once for each choice of the rows of the node's loops."""
         place = (what, node, *[self._loops[loop] for loop in node.loops])
         if place not in self._done:
             self._done[place] = make(node)
-        return self._done[place]
+        known: T = self._done[place]
+        return known
 
     def _leave(self, loop: Node, outer: R | None) -> None:
         """Restore what a loop stood for: a quantifier inside may use the same loop."""

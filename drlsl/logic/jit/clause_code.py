@@ -287,22 +287,20 @@ class BodyEmitter:
         loop.about(asked, self._clause, inner.scope)
         loop.begin("_", "mark", "rows", "index", *names, "k")
         loop.emit("mark = len(trail); end = len(rows)")
-        loop.emit("while index < end:")
-        loop.indent += 1
-        loop.emit("row = rows[index]; index += 1")
-        counts = Counter(each for arg in args for each in core.term_variables(arg))
-        wanted = set(after) | {each for each in counts if counts[each] > 1}
-        emit_row_match(loop, inner.scope, args, wanted)
-        state = ", ".join([f"{loop.name}, mark, rows, index", *names, "k"])
-        loop.emit(f"if index < end: choices.append(({state}))")
-        if rest:
-            task = self._continuation(inner, rest)
-            task_local = loop.local("t")
-            loop.emit(f"{task_local} = {task}")
-            loop.emit(f"return {task_local}[0](m, {task_local})")
-        else:
-            loop.emit("return k")
-        loop.indent -= 1
+        with loop.block("while index < end:"):
+            loop.emit("row = rows[index]; index += 1")
+            counts = Counter(each for arg in args for each in core.term_variables(arg))
+            wanted = set(after) | {each for each in counts if counts[each] > 1}
+            emit_row_match(loop, inner.scope, args, wanted)
+            state = ", ".join([f"{loop.name}, mark, rows, index", *names, "k"])
+            loop.emit(f"if index < end: choices.append(({state}))")
+            if rest:
+                task = self._continuation(inner, rest)
+                task_local = loop.local("t")
+                loop.emit(f"{task_local} = {task}")
+                loop.emit(f"return {task_local}[0](m, {task_local})")
+            else:
+                loop.emit("return k")
         loop.emit("return FAIL")
         first = deref(args[0])
         candidates = f"{predicate}.rows"
@@ -332,14 +330,10 @@ class BodyEmitter:
         if not soft and self._is_test(condition):
             before = place.scope.copy()
             test = self._test(place, core.steps(condition))
-            function.emit(f"if {test}:")
-            function.indent += 1
-            self._sequence(replace(place), core.steps(then))
-            function.indent -= 1
-            function.emit("else:")
-            function.indent += 1
-            self._sequence(replace(place, scope=before), core.steps(otherwise))
-            function.indent -= 1
+            with function.block(f"if {test}:"):
+                self._sequence(replace(place), core.steps(then))
+            with function.block("else:"):
+                self._sequence(replace(place, scope=before), core.steps(otherwise))
             return
         # A cut in the condition leaves the choice point for the other branch.
         height = self._height(place, barrier, 1)
@@ -414,10 +408,8 @@ class BodyEmitter:
                 emit_is(function, scope, left, right, place.fail)
             case _:
                 test = self._simple_test(place, goal)
-                function.emit(f"if not ({test}):")
-                function.indent += 1
-                place.fail()
-                function.indent -= 1
+                with function.block(f"if not ({test}):"):
+                    place.fail()
 
     def _emit_cut(self, place: Place, height: Var, above: int) -> None:
         name = place.scope.names[height]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from drlsl.logic.core import is_ground
@@ -73,6 +74,14 @@ class Function:
     def emit(self, text: str) -> None:
         """Add a line at the current indentation."""
         self.lines.append((" " * self.indent + text, self._info))
+
+    @contextmanager
+    def block(self, text: str) -> Iterator[None]:
+        """Add a line, and what is added meanwhile below it, one step to the right."""
+        self.emit(text)
+        self.indent += 1
+        yield
+        self.indent -= 1
 
     def about(self, goal: Term | None, clause: Any, scope: Scope) -> None:
         """Set the goal of the following lines: errors raised there are errors of this goal."""

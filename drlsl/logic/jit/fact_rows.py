@@ -43,10 +43,10 @@ def _match_known(function: Function, known: str, value: str) -> None:
     emit_deref(function, name)
     function.emit(f"if type({name}) is Var:")
     function.emit(f" {name}.ref = {value}; trail.append({name})")
-    function.emit(f"elif {name} is not {value} and ({name} != {value} or type({name}) is not type({value})):")
-    function.indent += 1
-    _next_row(function)
-    function.indent -= 1
+    with function.block(
+        f"elif {name} is not {value} and ({name} != {value} or type({name}) is not type({value})):"
+    ):
+        _next_row(function)
 
 
 def _next_row(function: Function) -> None:

@@ -118,10 +118,8 @@ def emit_hole(
     function.emit(f"if hole{position} is not None:")
     function.emit(f" hole{position}.args = (lead{position}, {value})")
     function.emit(f" hole{position} = None; {name} = {value}")
-    function.emit("else:")
-    function.indent += 1
-    emit_match(function, scope, pattern, name, fail)
-    function.indent -= 1
+    with function.block("else:"):
+        emit_match(function, scope, pattern, name, fail)
 
 
 def _emit_cell(function: Function, scope: Scope, pattern: Struct, position: int, fail: Fail) -> None:
@@ -131,39 +129,30 @@ def _emit_cell(function: Function, scope: Scope, pattern: Struct, position: int,
     assert type(tail) is Var
     before = scope.copy()
     head = deref(pattern.args[0])
-    function.emit(f"if {hole} is not None:")
-    function.indent += 1
-    expression = build(function, scope, head)
-    _emit_new_cell(function, pattern.name)
-    function.emit(f"{hole}.args = ({lead}, cell)")
-    function.emit(f"{hole} = cell; {lead} = {expression}")
-    function.indent -= 1
-    function.emit("else:")
-    function.indent += 1
-    emit_deref(function, name)
-    function.emit(f"if type({name}) is Var:")
-    function.indent += 1
-    _rebuild(function, before.copy(), scope, head)
-    _emit_new_cell(function, pattern.name)
-    function.emit(f"{name}.ref = cell; trail.append({name})")
-    function.emit(f"{hole} = cell; {lead} = {build(function, scope, head)}")
-    function.indent -= 1
-    function.emit(
-        f"elif type({name}) is Struct and {name}.name == {pattern.name!r} and len({name}.args) == 2:"
-    )
-    function.indent += 1
-    part = function.local()
-    function.emit(f"{part}, {name} = {name}.args")
-    inner = before.copy()
-    emit_match(function, inner, head, part, fail)
-    for variable, local in inner.names.items():
-        if variable not in before.names:
-            function.emit(f"{scope.names[variable]} = {local}")
-    function.indent -= 1
-    function.emit("else:")
-    function.indent += 1
-    fail()
-    function.indent -= 2
+    with function.block(f"if {hole} is not None:"):
+        expression = build(function, scope, head)
+        _emit_new_cell(function, pattern.name)
+        function.emit(f"{hole}.args = ({lead}, cell)")
+        function.emit(f"{hole} = cell; {lead} = {expression}")
+    with function.block("else:"):
+        emit_deref(function, name)
+        with function.block(f"if type({name}) is Var:"):
+            _rebuild(function, before.copy(), scope, head)
+            _emit_new_cell(function, pattern.name)
+            function.emit(f"{name}.ref = cell; trail.append({name})")
+            function.emit(f"{hole} = cell; {lead} = {build(function, scope, head)}")
+        with function.block(
+            f"elif type({name}) is Struct and {name}.name == {pattern.name!r} and len({name}.args) == 2:"
+        ):
+            part = function.local()
+            function.emit(f"{part}, {name} = {name}.args")
+            inner = before.copy()
+            emit_match(function, inner, head, part, fail)
+            for variable, local in inner.names.items():
+                if variable not in before.names:
+                    function.emit(f"{scope.names[variable]} = {local}")
+        with function.block("else:"):
+            fail()
     scope.names[tail] = name
 
 

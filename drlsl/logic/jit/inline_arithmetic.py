@@ -93,10 +93,8 @@ def emit_is(function: Function, scope: Scope, result: Term, expression: Term, fa
         if _is_integer(value, scope):
             scope.integers.add(name)
         return
-    function.emit(f"if not unify({build(function, scope, result)}, {value}, trail):")
-    function.indent += 1
-    fail()
-    function.indent -= 1
+    with function.block(f"if not unify({build(function, scope, result)}, {value}, trail):"):
+        fail()
 
 
 def emit_comparison(function: Function, scope: Scope, name: str, args: Sequence[Term]) -> str:

@@ -96,17 +96,15 @@ class _PredicateCompiler:
         for position in self._holes:
             function.emit(f"hole{position} = None")
         begin = len(function.lines)
-        function.emit("while True:")
-        function.indent += 1
-        guards = self._guards()
-        if guards is not None:
-            for number, guard in enumerate(guards):
-                self._only_clause(number, guard=guard)
-        else:
-            self._switch()
-            if self._chained:
-                self._alternatives()
-        function.indent -= 1
+        with function.block("while True:"):
+            guards = self._guards()
+            if guards is not None:
+                for number, guard in enumerate(guards):
+                    self._only_clause(number, guard=guard)
+            else:
+                self._switch()
+                if self._chained:
+                    self._alternatives()
         if self._loops:
             self._limit_rounds(begin)
         return self._module.load()["entry"]
@@ -138,17 +136,13 @@ class _PredicateCompiler:
         function.emit("mark = len(trail)")
         if any(map(cuts, self._bodies)):
             function.emit("h = len(choices)")
-        function.emit("while alts:")
-        function.indent += 1
-        # Bindings of a clause that failed; after the last one, backtracking undoes them.
-        function.emit("if len(trail) > mark: undo(trail, mark)")
-        function.emit("i, alts = alts")
-        for count, number in enumerate(sorted(self._chained)):
-            function.emit(f"{'elif' if count else 'if'} i == {number}:")
-            function.indent += 1
-            self._clause_of_chain(number)
-            function.indent -= 1
-        function.indent -= 1
+        with function.block("while alts:"):
+            # Bindings of a clause that failed; after the last one, backtracking undoes them.
+            function.emit("if len(trail) > mark: undo(trail, mark)")
+            function.emit("i, alts = alts")
+            for count, number in enumerate(sorted(self._chained)):
+                with function.block(f"{'elif' if count else 'if'} i == {number}:"):
+                    self._clause_of_chain(number)
         function.about(None, None, Scope())
         function.emit("else: return FAIL")
 
@@ -162,24 +156,22 @@ class _PredicateCompiler:
             return
         structs = {key: chain for key, chain in chains.items() if type(key) is tuple and type(key[0]) is str}
         rest = {key: chain for key, chain in chains.items() if key not in structs}
-        function.emit("if alts is None:")
-        function.indent += 1
-        emit_deref(function, "a0")
-        function.emit("kind = type(a0)")
-        if structs:
-            function.emit("if kind is Struct:")
-            function.indent += 1
-        for count, ((name, arity), chain) in enumerate(structs.items()):
-            function.emit(f"{'elif' if count else 'if'} a0.name == {name!r} and len(a0.args) == {arity}:")
-            self._chosen(chain, first_known=True)
-        if structs:
-            function.emit("else:")
-            self._chosen(others, first_known=False)
-            function.indent -= 1
-        function.emit(f"{'elif' if structs else 'if'} kind is Var:")
-        self._switch_unbound(every)
-        self._switch_constants(rest, others)
-        function.indent -= 1
+        with function.block("if alts is None:"):
+            emit_deref(function, "a0")
+            function.emit("kind = type(a0)")
+            if structs:
+                function.emit("if kind is Struct:")
+                function.indent += 1
+            for count, ((name, arity), chain) in enumerate(structs.items()):
+                function.emit(f"{'elif' if count else 'if'} a0.name == {name!r} and len(a0.args) == {arity}:")
+                self._chosen(chain, first_known=True)
+            if structs:
+                function.emit("else:")
+                self._chosen(others, first_known=False)
+                function.indent -= 1
+            function.emit(f"{'elif' if structs else 'if'} kind is Var:")
+            self._switch_unbound(every)
+            self._switch_constants(rest, others)
 
     def _switch_unbound(self, every: Sequence[int]) -> None:
         function = self._function

@@ -64,10 +64,8 @@ def _emit_parts(function: Function, scope: Scope, pattern: Struct, name: str, fa
 
 
 def _emit_test(function: Function, test: str, fail: Fail) -> None:
-    function.emit(f"if not {test}:")
-    function.indent += 1
-    fail()
-    function.indent -= 1
+    with function.block(f"if not {test}:"):
+        fail()
 
 
 def _emit_struct(function: Function, scope: Scope, pattern: Struct, name: str, fail: Fail) -> None:
@@ -82,20 +80,16 @@ def _emit_struct(function: Function, scope: Scope, pattern: Struct, name: str, f
     if len(function.lines) == lines:
         function.emit("pass")
     function.indent -= 1
-    function.emit(f"elif type({name}) is Var:")
-    function.indent += 1
-    # The variables that the first branch introduced must be the same locals here.
-    for variable in term_variables(pattern):
-        if variable in scope.names and variable not in before.names:
-            before.names[variable] = scope.names[variable]
-            function.emit(f"{scope.names[variable]} = Var()")
-    function.emit(f"{name}.ref = {build(function, before, pattern)}")
-    function.emit(f"trail.append({name})")
-    function.indent -= 1
-    function.emit("else:")
-    function.indent += 1
-    fail()
-    function.indent -= 1
+    with function.block(f"elif type({name}) is Var:"):
+        # The variables that the first branch introduced must be the same locals here.
+        for variable in term_variables(pattern):
+            if variable in scope.names and variable not in before.names:
+                before.names[variable] = scope.names[variable]
+                function.emit(f"{scope.names[variable]} = Var()")
+        function.emit(f"{name}.ref = {build(function, before, pattern)}")
+        function.emit(f"trail.append({name})")
+    with function.block("else:"):
+        fail()
 
 
 def emit_unify(function: Function, scope: Scope, left: Term, right: Term, fail: Fail) -> None:

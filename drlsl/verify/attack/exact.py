@@ -112,8 +112,7 @@ class _Evaluation(RowMemory[int], ABC, Generic[N]):
 
     def truth(self, node: Node) -> Truth:
         """Return the truth of a node of kind bool."""
-        result: Truth = self._once("truth", node, self._truth)
-        return result
+        return self._once("truth", node, self._truth)
 
     def _truth(self, node: Node) -> Truth:
         match node.op:
@@ -186,8 +185,7 @@ class _Evaluation(RowMemory[int], ABC, Generic[N]):
         """Return the row that an index node stands for."""
         if node.op == "loop":
             return self._loops[node]
-        result: int = self._once("index", node, self._index)
-        return result
+        return self._once("index", node, self._index)
 
     def _index(self, node: Node) -> int:
         if node.op == "row":
@@ -232,8 +230,7 @@ class _Evaluation(RowMemory[int], ABC, Generic[N]):
 
     def value(self, node: Node) -> N:
         """Return the number of a node."""
-        result: N = self._once("value", node, self._value)
-        return result
+        return self._once("value", node, self._value)
 
     def _value(self, node: Node) -> N:
         match node.op:

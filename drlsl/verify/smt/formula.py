@@ -59,8 +59,7 @@ class Formula(RowMemory[Indices]):
 
     def truth(self, node: Node) -> Bool:
         """Return the formula of a node of kind bool."""
-        result: Bool = self._once("truth", node, self._truth)
-        return result
+        return self._once("truth", node, self._truth)
 
     def _truth(self, node: Node) -> Bool:
         booleans, args = self.booleans, node.args
@@ -167,8 +166,7 @@ class Formula(RowMemory[Indices]):
 
     def finite(self, node: Node) -> Finite:
         """Return the possible constants of an atom or integer node."""
-        result: Finite = self._once("finite", node, self._finite)
-        return result
+        return self._once("finite", node, self._finite)
 
     def _finite(self, node: Node) -> Finite:
         if node.op == "const":
@@ -203,8 +201,7 @@ class Formula(RowMemory[Indices]):
         """Return the possible rows of an index node."""
         if node.op == "loop":
             return self._loops[node]
-        result: Indices = self._once("index", node, self._index)
-        return result
+        return self._once("index", node, self._index)
 
     def _index(self, node: Node) -> Indices:
         booleans = self.booleans
@@ -277,8 +274,7 @@ class Formula(RowMemory[Indices]):
 
     def _rows(self, rows: Node) -> list[tuple[Bool, int]]:
         """Return the rows of a rows node, with the conditions that they are in it."""
-        result: list[tuple[Bool, int]] = self._once("rows", rows, self._rows_of)
-        return result
+        return self._once("rows", rows, self._rows_of)
 
     def _rows_of(self, rows: Node) -> list[tuple[Bool, int]]:
         if rows.op == "where":
@@ -293,8 +289,7 @@ class Formula(RowMemory[Indices]):
 
     def value(self, node: Node) -> Value:
         """Return the value of a number node."""
-        result: Value = self._once("value", node, self._value)
-        return result
+        return self._once("value", node, self._value)
 
     def _value(self, node: Node) -> Value:
         algebra, args = self.algebra, node.args
