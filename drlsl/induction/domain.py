@@ -37,6 +37,16 @@ class Effort:
 
 
 @dataclass(frozen=True, slots=True)
+class Trial:
+    """Learnt rules to try: their file and clauses, the number of the round, and the proofs of the last."""
+
+    rules: Path
+    clauses: Sequence[LearntClause]
+    number: int
+    known: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Examined:
     """The result of trying a program of learnt rules.
 
@@ -80,15 +90,8 @@ class Domain(Protocol[E_co]):
     def left_out(self, parts: Sequence[Any]) -> dict[str, dict[str, int]]:
         """Return how many have no label, by origin and reason."""
 
-    def examine(
-        self,
-        rules: Path,
-        clauses: Sequence[LearntClause],
-        number: int,
-        known: Mapping[str, str],
-        tell: Tell,
-    ) -> Examined:
-        """Return what comes of learnt `rules`; `known` has the proofs of the last round."""
+    def examine(self, trial: Trial, tell: Tell) -> Examined:
+        """Return what comes of learnt rules."""
 
     def is_clean(self, stress: Mapping[str, Any]) -> bool:
         """Return whether nothing went wrong by the counts of one place."""

@@ -12,7 +12,7 @@ from typing import Any, Final, Generic, TypeVar
 from drlsl.errors import UserError
 from drlsl.files import parse_json, read_text, write_atomic
 from drlsl.induction.clause_search import Found, search
-from drlsl.induction.domain import Domain, Tell
+from drlsl.induction.domain import Domain, Tell, Trial
 from drlsl.induction.examples import Examples
 from drlsl.induction.learnt_file import contradiction_words, learnt_text
 from drlsl.induction.search_problem import LearntClause, SearchProblem, covered
@@ -209,7 +209,8 @@ class LearningRun(Generic[E]):
         found = search(problem, clauses=effort.clauses, literals=effort.literals, seconds=effort.seconds)
         self._write(found.clauses, examples, [f"Round {number}, not yet driven nor proved."])
         known = self.rounds[-1].proofs if self.rounds else {}
-        tried = self._domain.examine(self._out, found.clauses, number, known, self._tell)
+        trial = Trial(self._out, found.clauses, number, known)
+        tried = self._domain.examine(trial, self._tell)
         self._check_offered(found, tried.bad)
         return Round(
             number=number,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final, TypeAlias
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.driving.explain import Objection, dimension
+from drlsl.driving.rendering.camera import Camera
 from drlsl.driving.rendering.moment import Moment
 from drlsl.driving.rendering.pygame_library import load_pygame
 from drlsl.driving.scene import Action, Scene, Vehicle
@@ -82,25 +82,6 @@ _ARROW: Final = 9.0
 """Length of the arrow of an action along the road [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Camera:
-    """The map from the road [m] to the picture [pixel]; the road is stretched across."""
-
-    x: float
-    y: float
-    along: float
-    across: float
-    width: int
-
-    def point(self, x: float, y: float) -> tuple[float, float]:
-        """Return the pixel of a place."""
-        return (x - self.x) * self.along, (y - self.y) * self.across
-
-    def visible(self) -> tuple[float, float]:
-        """Return the first and the last x [m] in the picture."""
-        return self.x, self.x + self.width / self.along
-
-
 class RoadView:
     """A view of the road that moves with the ego: it is green, what it sees is red, the rest white.
 
@@ -148,7 +129,7 @@ class RoadView:
         self._write(moment)
         return self._surface
 
-    def _camera(self, scene: Scene) -> _Camera:
+    def _camera(self, scene: Scene) -> Camera:
         """Return the camera: the ego at its place along the picture, all lanes across it."""
         width, height = self.size
         low = min(lane.centre - lane.width / 2 for lane in scene.road.lanes) - _SHOULDER
@@ -158,9 +139,9 @@ class RoadView:
         across = min(room / (high - low), _STRETCHED * along)
         left = (1 - _AHEAD if scene.forward > 0 else _AHEAD) * width / along
         top = (low + high) / 2 - (_ROAD_TOP + room / 2) / across
-        return _Camera(scene.ego.x - left, top, along, across, width)
+        return Camera(scene.ego.x - left, top, along, across, width)
 
-    def _draw_road(self, camera: _Camera, scene: Scene) -> None:
+    def _draw_road(self, camera: Camera, scene: Scene) -> None:
         for lane in scene.road.lanes:
             top = camera.point(0.0, lane.centre - lane.width / 2)[1]
             height = math.ceil(lane.width * camera.across) + 1
@@ -178,7 +159,7 @@ class RoadView:
             if lane.end is not None:
                 self._draw_end(camera, lane, lane.end)
 
-    def _draw_end(self, camera: _Camera, lane: Lane, end: float) -> None:
+    def _draw_end(self, camera: Camera, lane: Lane, end: float) -> None:
         """Draw grass beyond the end of a lane, and a line at it."""
         x, top = camera.point(end, lane.centre - lane.width / 2)
         height, sign = lane.width * camera.across, lane.direction.sign
@@ -188,18 +169,18 @@ class RoadView:
         self._pygame.draw.rect(self._surface, _GRASS, beyond)
         self._pygame.draw.line(self._surface, _LINE, (x, top), (x, top + height), 4)
 
-    def _draw_line(self, camera: _Camera, y: float) -> None:
+    def _draw_line(self, camera: Camera, y: float) -> None:
         height = camera.point(0.0, y)[1]
         self._pygame.draw.line(self._surface, _LINE, (0, height), (camera.width, height), 2)
 
-    def _draw_dashes(self, camera: _Camera, y: float) -> None:
-        for x in _every(_DASHES, camera):
+    def _draw_dashes(self, camera: Camera, y: float) -> None:
+        for x in camera.multiples(_DASHES):
             ends = camera.point(x, y), camera.point(x + _DASH, y)
             self._pygame.draw.line(self._surface, _LINE, *ends, 2)
 
-    def _draw_chevrons(self, camera: _Camera, lane: Lane) -> None:
+    def _draw_chevrons(self, camera: Camera, lane: Lane) -> None:
         depth, half = 1.2 * lane.direction.sign, 0.5
-        for x in _every(_CHEVRONS, camera):
+        for x in camera.multiples(_CHEVRONS):
             points = [
                 camera.point(x - depth, lane.centre - half),
                 camera.point(x, lane.centre),
@@ -207,7 +188,7 @@ class RoadView:
             ]
             self._pygame.draw.lines(self._surface, _CHEVRON, False, points, 2)
 
-    def _draw_radar(self, camera: _Camera, scene: Scene) -> None:
+    def _draw_radar(self, camera: Camera, scene: Scene) -> None:
         reach = scene.road.radar_range
         x, y = camera.point(scene.ego.x, scene.ego.y)
         across, along = reach * camera.across, reach * camera.along
@@ -217,7 +198,7 @@ class RoadView:
         self._pygame.draw.ellipse(self._surface, _RADAR, box, 2)
         self._surface.set_clip(None)
 
-    def _draw_vehicle(self, camera: _Camera, car: Vehicle, colour: Colour) -> None:
+    def _draw_vehicle(self, camera: Camera, car: Vehicle, colour: Colour) -> None:
         if not (math.isfinite(car.x) and math.isfinite(car.y)):
             return
         left, top = camera.point(car.x - car.length / 2, car.y - car.width / 2)
@@ -225,7 +206,7 @@ class RoadView:
         self._pygame.draw.rect(self._surface, colour, box, border_radius=4)
         self._pygame.draw.rect(self._surface, _OUTLINE, box, 1, border_radius=4)
 
-    def _draw_gaps(self, camera: _Camera, moment: Moment) -> None:
+    def _draw_gaps(self, camera: Camera, moment: Moment) -> None:
         cars = {car.id: car for car in moment.scene.in_range()}
         for _, objection in _all_objections(moment):
             car = cars.get(objection.vehicle or "")
@@ -240,7 +221,7 @@ class RoadView:
                 x, y = camera.point(cars[name].x, cars[name].y - cars[name].width / 2)
                 self._text(f"{name}  {abs(cars[name].vx):.1f} m/s", int(x) - 30, int(y) - 16, 20, _TEXT)
 
-    def _draw_actions(self, camera: _Camera, moment: Moment) -> None:
+    def _draw_actions(self, camera: Camera, moment: Moment) -> None:
         scene = moment.scene
         ego = scene.ego
         for action in Action:
@@ -280,12 +261,6 @@ class RoadView:
 
     def _text(self, words: str, left: int, top: int, size: int, colour: Colour) -> None:
         self._surface.blit(self._fonts[size].render(words, True, colour), (left, top))
-
-
-def _every(distance: float, camera: _Camera) -> Iterator[float]:
-    """Return the multiples of a `distance` [m] that are in the picture, and one before."""
-    begin, end = camera.visible()
-    return (index * distance for index in range(math.floor(begin / distance), math.ceil(end / distance)))
 
 
 def _all_objections(moment: Moment) -> Iterator[tuple[Action, Objection]]:

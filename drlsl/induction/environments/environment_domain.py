@@ -8,15 +8,15 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from drlsl.induction.domain import Effort, Examined, Progress, Tell, unseen
+from drlsl.induction.domain import Effort, Examined, Progress, Tell, Trial, unseen
 from drlsl.induction.environments.action_examples import ActionExamples
 from drlsl.induction.environments.futures import Episode, way_back
 from drlsl.induction.environments.labelled_actions import LabelledActions, labelled_actions
 from drlsl.induction.environments.plain_facts import of_json
-from drlsl.induction.environments.rule_stress import BadAction, rule_stress
+from drlsl.induction.environments.rule_stress import rule_stress
 from drlsl.induction.environments.state_bias import StateBias
+from drlsl.induction.environments.stress_outcome import BadAction
 from drlsl.induction.learnt_file import FileForm
-from drlsl.induction.search_problem import LearntClause
 from drlsl.shield import NamedActions, program_files
 from drlsl.workers import ALONE, Crew
 
@@ -137,23 +137,16 @@ class EnvironmentDomain:
             [*rows.origin, *(one.origin for one in bad)],
         )
 
-    def examine(
-        self,
-        rules: Path,
-        clauses: Sequence[LearntClause],
-        number: int,
-        known: Mapping[str, str],
-        tell: Tell,
-    ) -> Examined:
+    def examine(self, trial: Trial, tell: Tell) -> Examined:
         """Drive behind the learnt rules, and look back from each failure."""
-        tell(f"round {number}: driving up to {self._episodes:,} episodes")
+        tell(f"round {trial.number}: driving up to {self._episodes:,} episodes")
         found = rule_stress(
             self.named.name,
             self.way,
-            rules,
-            clauses,
+            trial.rules,
+            trial.clauses,
             episodes=self._episodes,
-            seed=self._request.seed + number * ROUND_SEEDS,
+            seed=self._request.seed + trial.number * ROUND_SEEDS,
             crew=self._request.crew,
             progress=lambda count: self._progress("driving", count, self._episodes),
         )

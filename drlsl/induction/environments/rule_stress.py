@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +16,7 @@ from drlsl.induction.environments.learning_domain import NamedDomain
 from drlsl.induction.environments.lookahead import Verdict
 from drlsl.induction.environments.plain_facts import PlainFacts, as_facts
 from drlsl.induction.environments.state_bias import StateBias
+from drlsl.induction.environments.stress_outcome import BadAction, RuleStress
 from drlsl.induction.search_problem import LearntClause, covered
 from drlsl.shield import ActionRules
 from drlsl.workers import Crew, Function, Stop, in_order
@@ -26,50 +26,6 @@ BLOCK: Final = 20
 
 _REMEMBERED: Final = 10_000
 """States of which what the rules said is kept."""
-
-
-@dataclass(frozen=True, slots=True)
-class BadAction:
-    """An action that must not be offered: the facts of the state, its name, and where it was found."""
-
-    facts: PlainFacts
-    action: str
-    origin: str
-
-
-@dataclass(slots=True)
-class StressCounts:
-    """The counts of episodes behind learnt rules.
-
-    `failures` of the episodes; `unexplained`: those of them before which nothing that was learnt to be safe
-    was unsafe; `not_learnt`: decisions in which nothing was learnt to be safe; `fail_safes`: decisions in
-    which the rules gave no usable answer.
-    """
-
-    episodes: int = 0
-    decisions: int = 0
-    failures: int = 0
-    unexplained: int = 0
-    not_learnt: int = 0
-    fail_safes: int = 0
-
-    def add(self, other: StressCounts) -> None:
-        """Add the counts of other episodes."""
-        for name, count in asdict(other).items():
-            setattr(self, name, getattr(self, name) + count)
-
-
-@dataclass(slots=True)
-class RuleStress:
-    """The counts of some episodes, and the bad actions found in them."""
-
-    counts: StressCounts = field(default_factory=StressCounts)
-    bad: list[BadAction] = field(default_factory=list)
-
-    def add(self, other: RuleStress) -> None:
-        """Add what happened in other episodes."""
-        self.counts.add(other.counts)
-        self.bad += other.bad
 
 
 class _Driver:

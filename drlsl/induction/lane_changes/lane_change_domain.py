@@ -12,7 +12,7 @@ from typing import Any, Final
 from drlsl.driving.scene import parse_scene, scene_json
 from drlsl.errors import UserError
 from drlsl.induction.clause_search import SECONDS
-from drlsl.induction.domain import Effort, Examined, Progress, Tell, unseen
+from drlsl.induction.domain import Effort, Examined, Progress, Tell, Trial, unseen
 from drlsl.induction.lane_changes.change_examples import ChangeExamples
 from drlsl.induction.lane_changes.examination import (
     BadChange,
@@ -25,7 +25,6 @@ from drlsl.induction.lane_changes.examination import (
 from drlsl.induction.lane_changes.label_cache import cached_changes
 from drlsl.induction.lane_changes.labelled_changes import Changes, Labelling
 from drlsl.induction.lane_changes.scene_bias import FORM, OPENINGS, SceneBias
-from drlsl.induction.search_problem import LearntClause
 from drlsl.traffic import load_recording
 from drlsl.verify import Prover, Result
 from drlsl.workers import ALONE, Crew, Function, in_order
@@ -111,20 +110,13 @@ class LaneChanges:
         """Return the lane changes of some parts, and bad ones as unsafe."""
         return ChangeExamples(self.bias, [*parts, *([bad_changes(bad)] if bad else [])])
 
-    def examine(
-        self,
-        rules: Path,
-        clauses: Sequence[LearntClause],
-        number: int,
-        known: Mapping[str, str],
-        tell: Tell,
-    ) -> Examined:
+    def examine(self, trial: Trial, tell: Tell) -> Examined:
         """Drive with what was found, and try to prove what must hold of it.
 
         Raises:
             UserError: a property cannot be met by any clause.
         """
-        request = self._request
+        request, rules, number, known = self._request, trial.rules, trial.number, trial.known
         doubtful = [name for name in request.must if not known.get(name, "").startswith("proved")]
         if doubtful:
             tell(f"round {number}: proving {', '.join(doubtful)}")
