@@ -1,4 +1,5 @@
 from .caches import cache_folder, make_room
+from .extras import needed
 from .lock import FolderLock
 from .parquet_table import parquet_library, read_metadata, read_table, write_table
 from .plain_text import parse_json, printable, read_text, to_json
@@ -27,6 +28,7 @@ __all__ = [
     "digest",
     "find_object",
     "make_room",
+    "needed",
     "open_archive",
     "open_values",
     "parquet_library",

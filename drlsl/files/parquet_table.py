@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from drlsl.errors import UserError
+from drlsl.files.extras import needed
 from drlsl.files.whole_file import written_whole
 
 
@@ -18,13 +19,9 @@ def parquet_library() -> tuple[ModuleType, ModuleType]:
     Raises:
         UserError: the extra is not installed.
     """
-    try:
+    with needed("Parquet files", "pyarrow", "parquet"):
         import pyarrow as arrow
         import pyarrow.parquet as parquet
-    except ImportError as error:
-        raise UserError(
-            f"Parquet files need {error.name or 'pyarrow'}; install it with: pip install 'drlsl[parquet]'"
-        ) from error
     return arrow, parquet
 
 

@@ -1,4 +1,4 @@
-"""What is computed of a lowered program's nodes once for all rows of the loops around them."""
+"""A memory of values of a lowered program's nodes, for all rows of the loops around them."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def _indicators(text: str) -> frozenset[Indicator]:
 
 
 _GOALS: Final = _indicators(""",/2 ;/2 ->/2 \\+/1 call/1 once/1 findall/3 catch/3 forall/2 ignore/1""")
-"""What takes goals, in ISO Prolog or in the prelude."""
+"""The predicates that take goals, in ISO Prolog or in the prelude."""
 
 _BUILTINS: Final = _indicators(
     """true/0 fail/0 !/0 =/2 \\=/2 ==/2 \\==/2 @</2 @>/2 @=</2 @>=/2 is/2 =:=/2 =\\=/2 </2 >/2 =</2 >=/2

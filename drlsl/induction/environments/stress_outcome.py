@@ -1,4 +1,4 @@
-"""What comes of episodes behind learnt rules."""
+"""The outcome of episodes behind learnt rules."""
 
 from __future__ import annotations
 

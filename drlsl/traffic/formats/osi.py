@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.errors import UserError
+from drlsl.files import needed
 from drlsl.traffic.alignment import Axis
 from drlsl.traffic.formats.sumo_net import lanes_under, read_road
 from drlsl.traffic.lane_pieces import Piece, pieces_of_ids
@@ -97,12 +98,8 @@ def load_osi(source: Source) -> Recording:
 
 
 def _messages(path: Path) -> Iterator[Any]:
-    try:
+    with needed("OSI traces", "betterosi", "osi"):
         import betterosi
-    except ImportError as error:
-        raise UserError(
-            f"OSI traces need {error.name or 'betterosi'}; install it with: pip install 'drlsl[osi]'"
-        ) from error
     kind = {"osi_message_type": "GroundTruth"} if path.suffix == ".osi" else {"return_ground_truth": True}
     try:
         yield from betterosi.read(str(path), **kind)
