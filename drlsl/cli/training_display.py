@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
+from collections.abc import Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Protocol
 
@@ -44,9 +45,15 @@ class Display(Protocol):
         """Show a step."""
 
 
-def display(training: Extent, console: Console) -> contextlib.AbstractContextManager[Display]:
-    """Return what shows the progress of a training as long as it is entered."""
-    return _LiveDisplay(training, console) if console.is_terminal else _PlainDisplay(training)
+@contextlib.contextmanager
+def display(training: Extent, console: Console) -> Iterator[Display]:
+    """Yield what shows the progress of a training as long as it is entered."""
+    if console.is_terminal:
+        shown = _LiveDisplay(training, console)
+        with shown.live:
+            yield shown
+    else:
+        yield _PlainDisplay(training)
 
 
 class _Totals:
@@ -74,16 +81,13 @@ class _Totals:
         return f"{rate:.0f} steps/s  return {mean:.1f}  contacts {contacts}  off-road {self._off_road}"
 
 
-class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
+class _PlainDisplay:
     """Progress as a few plain lines."""
 
     def __init__(self, training: Extent) -> None:
         self._last = training.episodes
         self._every = max(1, self._last // PLAIN_LINES)
         self._totals = _Totals(training)
-
-    def __exit__(self, *exception: object) -> None:
-        return None
 
     def step(self, event: StepEvent) -> None:
         self._totals.add(event)
@@ -92,7 +96,7 @@ class _PlainDisplay(contextlib.AbstractContextManager["_PlainDisplay"]):
                 typer.echo(f"episode {episode.finished}/{self._last}  {self._totals.text()}")
 
 
-class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
+class _LiveDisplay:
     """Progress as a bar and a line below it that stay in place."""
 
     def __init__(self, training: Extent, console: Console) -> None:
@@ -111,14 +115,7 @@ class _LiveDisplay(contextlib.AbstractContextManager["_LiveDisplay"]):
         self._task = self._progress.add_task("", total=training.episodes, completed=training.finished)
         self._totals = _Totals(training)
         self._line = Text()
-        self._live = Live(Group(self._progress, self._line), console=console)
-
-    def __enter__(self) -> _LiveDisplay:
-        self._live.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._live.stop()
+        self.live = Live(Group(self._progress, self._line), console=console)
 
     def step(self, event: StepEvent) -> None:
         self._totals.add(event)

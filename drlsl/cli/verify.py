@@ -30,10 +30,7 @@ Properties = Annotated[
     list[Path] | None,
     several("--property", "FILE", "A file of properties instead of properties.pl; give it again for more."),
 ]
-Only = Annotated[
-    list[str] | None,
-    several("--only", "NAME", "Only this property; give it again for more."),
-]
+Only = Annotated[list[str] | None, several("--only", "NAME", "Only this property; give it again for more.")]
 AttackScenes = Annotated[
     int | None,
     typer.Option(

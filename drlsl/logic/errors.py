@@ -5,7 +5,7 @@ Source: ISO 13211-1 7.12.2 (error classification).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 from drlsl.logic.terms import Atom, CyclicTerm, Operators, Struct, Term, Var, deref, format_term
 
@@ -14,6 +14,9 @@ _SHOWN_DEPTH: Final = 12
 _SHOWN_NAMES: Final = 100
 _SHOWN_TOKENS: Final = 2_000
 _SHOWN_CHARACTERS: Final = 10_000
+
+# The classes by the names of their error terms.
+_CLASSES: Final[dict[str, type[PrologError]]] = {}
 
 
 def _show(term: Term) -> str:
@@ -62,14 +65,27 @@ class PrologError(Exception):
     """
 
     catchable: ClassVar[bool] = True
+    functor: ClassVar[str] = ""
+    """The name of the error term of this kind; none: any ball."""
     words: ClassVar[str] = ""
     """What went wrong, with the arguments of the error term by their places; none: the ball says it."""
+
+    def __init_subclass__(cls, *, functor: str = "", words: str = "") -> None:
+        if functor:
+            cls.functor, cls.words = functor, words
+            _CLASSES[functor] = cls
 
     def __init__(self, term: Term, *, goal: Term | None = None, clause: str | None = None) -> None:
         super().__init__(term)
         self.term = term
         self.goal = goal
         self.clause = clause
+
+    @classmethod
+    def of(cls, *args: Term) -> Self:
+        """Return the error of this kind with these arguments: ``error(functor(args), _)``."""
+        formal = Struct(cls.functor, args) if args else Atom(cls.functor)
+        return cls(Struct("error", (formal, Var())))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the error with all its attributes, whatever its constructor."""
@@ -99,52 +115,42 @@ class PrologError(Exception):
         return "?"
 
 
-class InstantiationError(PrologError):
+class InstantiationError(
+    PrologError,
+    functor="instantiation_error",
+    words="instantiation error: an argument is not sufficiently instantiated",
+):
     """An argument is a variable, or holds one, where a bound term is needed."""
 
-    words = "instantiation error: an argument is not sufficiently instantiated"
 
-
-class PrologTypeError(PrologError):
+class PrologTypeError(PrologError, functor="type_error", words="type error: expected {0}, found {1}"):
     """An argument is of the wrong type."""
 
-    words = "type error: expected {0}, found {1}"
 
-
-class DomainError(PrologError):
+class DomainError(PrologError, functor="domain_error", words="domain error: expected {0}, found {1}"):
     """An argument is of the right type but outside the domain."""
 
-    words = "domain error: expected {0}, found {1}"
 
-
-class ExistenceError(PrologError):
+class ExistenceError(PrologError, functor="existence_error", words="existence error: {0} {1} does not exist"):
     """An object that an operation needs does not exist."""
 
-    words = "existence error: {0} {1} does not exist"
 
-
-class PrologPermissionError(PrologError):
+class PrologPermissionError(
+    PrologError, functor="permission_error", words="permission error: no permission to {0} {1} {2}"
+):
     """An operation is not permitted on its object."""
 
-    words = "permission error: no permission to {0} {1} {2}"
 
-
-class RepresentationError(PrologError):
+class RepresentationError(PrologError, functor="representation_error", words="representation error: {0}"):
     """An implementation limit prevents the representation of the term."""
 
-    words = "representation error: {0}"
 
-
-class EvaluationError(PrologError):
+class EvaluationError(PrologError, functor="evaluation_error", words="evaluation error: {0}"):
     """An arithmetic operation is undefined."""
 
-    words = "evaluation error: {0}"
 
-
-class ResourceError(PrologError):
+class ResourceError(PrologError, functor="resource_error", words="resource error: {0}"):
     """A limit on time, steps, depth or memory is exhausted."""
-
-    words = "resource error: {0}"
 
 
 class Halt(PrologError):
@@ -160,7 +166,7 @@ class Halt(PrologError):
         return f"the program asked to end (halt, status {self.status})"
 
 
-class PrologSyntaxError(PrologError):
+class PrologSyntaxError(PrologError, functor="syntax_error"):
     """Text is not a term.
 
     `file`, `line` and `column` (both from 1) are the place, `source` is that line and `width` the number of
@@ -201,19 +207,6 @@ class PrologSyntaxError(PrologError):
         return f"{place}\n{shown}\n{pointer}"
 
 
-_CLASSES: Final[dict[str, type[PrologError]]] = {
-    "instantiation_error": InstantiationError,
-    "type_error": PrologTypeError,
-    "domain_error": DomainError,
-    "existence_error": ExistenceError,
-    "permission_error": PrologPermissionError,
-    "representation_error": RepresentationError,
-    "evaluation_error": EvaluationError,
-    "resource_error": ResourceError,
-    "syntax_error": PrologSyntaxError,
-}
-
-
 def error_from_term(ball: Term) -> PrologError:
     """Return the exception for a ball: a subclass for an ISO error term, else a plain PrologError."""
     term = deref(ball)
@@ -224,50 +217,46 @@ def error_from_term(ball: Term) -> PrologError:
     return PrologError(ball)
 
 
-def _error(formal: Term) -> Struct:
-    return Struct("error", (formal, Var()))
-
-
 def instantiation_error() -> InstantiationError:
     """Return error(instantiation_error, _)."""
-    return InstantiationError(_error(Atom("instantiation_error")))
+    return InstantiationError.of()
 
 
 def type_error(expected: str, culprit: Term) -> PrologTypeError:
     """Return error(type_error(expected, culprit), _)."""
-    return PrologTypeError(_error(Struct("type_error", (Atom(expected), culprit))))
+    return PrologTypeError.of(Atom(expected), culprit)
 
 
 def domain_error(domain: str, culprit: Term) -> DomainError:
     """Return error(domain_error(domain, culprit), _)."""
-    return DomainError(_error(Struct("domain_error", (Atom(domain), culprit))))
+    return DomainError.of(Atom(domain), culprit)
 
 
 def existence_error(kind: str, culprit: Term) -> ExistenceError:
     """Return error(existence_error(kind, culprit), _)."""
-    return ExistenceError(_error(Struct("existence_error", (Atom(kind), culprit))))
+    return ExistenceError.of(Atom(kind), culprit)
 
 
 def permission_error(operation: str, kind: str, culprit: Term) -> PrologPermissionError:
     """Return error(permission_error(operation, kind, culprit), _)."""
-    return PrologPermissionError(_error(Struct("permission_error", (Atom(operation), Atom(kind), culprit))))
+    return PrologPermissionError.of(Atom(operation), Atom(kind), culprit)
 
 
 def representation_error(limit: str) -> RepresentationError:
     """Return error(representation_error(limit), _)."""
-    return RepresentationError(_error(Struct("representation_error", (Atom(limit),))))
+    return RepresentationError.of(Atom(limit))
 
 
 def evaluation_error(what: str) -> EvaluationError:
     """Return error(evaluation_error(what), _)."""
-    return EvaluationError(_error(Struct("evaluation_error", (Atom(what),))))
+    return EvaluationError.of(Atom(what))
 
 
 def resource_error(resource: str) -> ResourceError:
     """Return error(resource_error(resource), _)."""
-    return ResourceError(_error(Struct("resource_error", (Atom(resource),))))
+    return ResourceError.of(Atom(resource))
 
 
 def syntax_error(message: str) -> PrologSyntaxError:
     """Return error(syntax_error(message), _), for text without a place in a file."""
-    return PrologSyntaxError(_error(Struct("syntax_error", (Atom(message),))))
+    return PrologSyntaxError.of(Atom(message))

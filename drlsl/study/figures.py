@@ -97,7 +97,7 @@ def outcome_figure(results: Results) -> bytes:
     return _panels_png(figure, panels, len(tests), "At fault in 1,000 km")
 
 
-def _panels_png(figure: Figure, panels: npt.NDArray[np.object_], used: int, ylabel: str) -> bytes:
+def _panels_png(figure: Figure, panels: npt.NDArray[Any], used: int, ylabel: str) -> bytes:
     """Return a figure of several panels, of which the first are used, as PNG."""
     for axes in panels[:, 0]:
         axes.set(ylabel=ylabel)
