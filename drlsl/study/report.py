@@ -66,8 +66,7 @@ def _blocks(results: Results, watchable: int) -> Iterator[Block]:
     yield from _sweeps(results)
     yield from _failures(results)
     yield from _making(results)
-    yield Heading(2, WALL_TIME)
-    yield Paragraph("Minutes of one process per seed, as measured by the runs themselves.")
+    yield from _section(WALL_TIME, "Minutes of one process per seed, as measured by the runs themselves.")
     yield tables.wall_time(results)
 
 
@@ -114,22 +113,29 @@ def _summary(results: Results) -> Iterator[Block]:
     )
 
 
+def _section(title: str, words: str, level: int = 2) -> Iterator[Block]:
+    """Yield the heading of a section and its first paragraph."""
+    yield Heading(level, title)
+    yield Paragraph(words)
+
+
 def _table_1(results: Results) -> Iterator[Block]:
-    yield Heading(2, "Table 1")
-    yield Paragraph(
+    yield from _section(
+        "Table 1",
         "As in the paper, the safety module is off: the policy takes whichever of the three actions it "
         "values most. Collisions are all contacts; the paper does not say who is at fault. Time steps are "
         "those of episodes that reached the end of the track. In brackets are the paper's numbers; those "
-        "of its DQNSL are shown for both rule programs."
+        "of its DQNSL are shown for both rule programs.",
     )
     for test in results.study.tests:
         yield tables.table_1(results, test, "off")
     yield agreement(results)
-    yield Heading(3, "The same with the safety module on")
-    yield Paragraph(
+    yield from _section(
+        "The same with the safety module on",
         "The policy takes the action it values most among those that its safety module offers: the linear "
         "prediction for MPSDQN, the rules for the others, even for DQN, which was trained without them. "
-        "The paper has no such numbers; those in brackets are its numbers without the module."
+        "The paper has no such numbers; those in brackets are its numbers without the module.",
+        level=3,
     )
     for test in results.study.tests:
         yield tables.table_1(results, test, "on")
@@ -145,37 +151,38 @@ def _training(results: Results) -> Iterator[Block]:
             "over seeds; the band reaches from the lowest seed to the highest."
         )
         yield Picture(f"figures/{stem}.png", caption, png)
-    yield Heading(3, "Convergence")
-    yield Paragraph(
+    yield from _section(
+        "Convergence",
         "A training has converged at the first episode from which the moving average of its return, "
         f"over 1/{round(1 / statistics.WINDOW_SHARE)} of the training, stays within "
         f"{statistics.TOLERANCE:.0%} of its final value. One that gets there only in the last such window "
         "has not converged, and counts as the latest in the median over seeds. The paper's episodes were "
-        "read from its figure."
+        "read from its figure.",
+        level=3,
     )
     yield tables.convergence(results)
 
 
 def _over_seeds(results: Results) -> Iterator[Block]:
-    yield Heading(2, "Over the seeds")
-    yield Paragraph(
+    yield from _section(
+        "Over the seeds",
         "Interquartile means over seeds of each run's result, in square brackets their "
         f"{statistics.LEVEL:.0%} stratified bootstrap intervals ({statistics.DRAWS:,} resamples of the "
         "seeds within each test; Agarwal et al., 2021). With few seeds an interval says little, with one "
         "there is none. Numbers are per episode, interventions per step; return and time steps are not "
-        "combined over tests, since they depend on the recording's frame rate."
+        "combined over tests, since they depend on the recording's frame rate.",
     )
     yield tables.estimates(results, "off")
     yield tables.estimates(results, "on")
 
 
 def _contacts(results: Results, watchable: int) -> Iterator[Block]:
-    yield Heading(2, "Contacts, and who is at fault")
-    yield Paragraph(
+    yield from _section(
+        "Contacts, and who is at fault",
         "Recorded vehicles do not see the ego and may drive into it. Every contact ends the episode and is "
         "counted. The ego is at fault unless one of four rules excuses it; in doubt it is at fault. The "
         f"rules require a time to collision of v/(2 · {BRAKING:g} m/s²) + {REACTION:g} s (UN R157) for a "
-        f"closing speed v, and a vehicle enters a lane when it is {INTRUSION:g} m over the line."
+        f"closing speed v, and a vehicle enters a lane when it is {INTRUSION:g} m over the line.",
     )
     rules = (
         "struck from behind: the other vehicle came from behind and still had that time when the ego "
@@ -195,11 +202,11 @@ def _contacts(results: Results, watchable: int) -> Iterator[Block]:
 
 
 def _interventions(results: Results) -> Iterator[Block]:
-    yield Heading(2, "How often the shield intervened")
-    yield Paragraph(
+    yield from _section(
+        "How often the shield intervened",
         "Share of steps in which the action of highest value was not one that the method's safety module "
         "finds safe. With the shield off, such actions are carried out; the share then shows how much of "
-        "the rules the policy has learned."
+        "the rules the policy has learned.",
     )
     yield tables.interventions(results)
 

@@ -19,11 +19,9 @@ from drlsl.lowering.ir import SMALLEST_DIVISOR, Node, reach
 from drlsl.verify.attack.enclosures import ANY, NO_NUMBER, Enclosure, hull, operation, point
 from drlsl.verify.attack.sampled_facts import ExactFacts
 from drlsl.verify.row_memory import RowMemory
+from drlsl.verify.three_values import Truth, all_of, any_of, compound
 
 N = TypeVar("N")
-Truth: TypeAlias = "bool | None"
-"""None: the enclosures do not decide yet."""
-
 Place: TypeAlias = tuple[Node, tuple[int, ...]]
 """A comparison, and the current rows of the loops around it."""
 
@@ -116,17 +114,10 @@ class _Evaluation(RowMemory[int], ABC, Generic[N]):
 
     def _truth(self, node: Node) -> Truth:
         match node.op:
-            case "const":
-                return bool(node.data)
-            case "not":
-                inner = self.truth(node.args[0])
-                return None if inner is None else not inner
-            case "and":
-                return _all(list(map(self.truth, node.args)))
-            case "or":
-                return _any(list(map(self.truth, node.args)))
+            case "const" | "not" | "and" | "or":
+                return compound(node, self.truth)
             case "any":
-                return _any([truth for truth, _ in self._visited(node)])
+                return any_of([truth for truth, _ in self._visited(node)])
             case "lt" | "eq" | "within":
                 place = self._place(node)
                 result = self.comparisons[place] = self._comparison(node, place)
@@ -159,7 +150,7 @@ class _Evaluation(RowMemory[int], ABC, Generic[N]):
         result = []
         for there, place in rows:
             self._loops[loop] = place
-            result.append((_all([there, self.truth(cond)]), place))
+            result.append((all_of([there, self.truth(cond)]), place))
         self._leave(loop, outer)
         return result
 
@@ -349,15 +340,3 @@ class _Floats(_Evaluation[Any]):
 
     def _within(self, place: Place, value: Any, bound: float) -> Truth:
         return bool(abs(value) <= bound)
-
-
-def _all(truths: Sequence[Truth]) -> Truth:
-    if False in truths:
-        return False
-    return None if None in truths else True
-
-
-def _any(truths: Sequence[Truth]) -> Truth:
-    if True in truths:
-        return True
-    return None if None in truths else False

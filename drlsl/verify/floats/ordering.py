@@ -6,6 +6,7 @@ from drlsl.logic.core import NODES
 from drlsl.lowering.ir import Node
 from drlsl.verify.floats.intervals import Values
 from drlsl.verify.floats.rounding import down, up
+from drlsl.verify.three_values import Truth, compound
 
 
 class Order:
@@ -14,27 +15,18 @@ class Order:
     def __init__(self, values: Values) -> None:
         self._values = values
         self._known: dict[tuple[Node, Node], bool] = {}
-        self._settled: dict[Node, bool | None] = {}
+        self._settled: dict[Node, Truth] = {}
 
-    def settled(self, node: Node) -> bool | None:
+    def settled(self, node: Node) -> Truth:
         """Return the truth of a condition, in doubles, too, if it is always the same."""
         if node not in self._settled:
             self._settled[node] = self._truth(node)
         return self._settled[node]
 
-    def _truth(self, node: Node) -> bool | None:
+    def _truth(self, node: Node) -> Truth:
         match node.op:
-            case "const":
-                return bool(node.data)
-            case "not":
-                inner = self.settled(node.args[0])
-                return None if inner is None else not inner
-            case "and" | "or":
-                parts = [self.settled(arg) for arg in node.args]
-                dominant = node.op == "or"
-                if dominant in parts:
-                    return dominant
-                return None if None in parts else not dominant
+            case "const" | "not" | "and" | "or":
+                return compound(node, self.settled)
             case "any":
                 return False if self.settled(node.args[1]) is False else None
             case "lt":
