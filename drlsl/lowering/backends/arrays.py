@@ -15,6 +15,7 @@ from typing import Final
 
 from drlsl.logic.core import NODES, Operation
 from drlsl.logic.terms import Atom
+from drlsl.lowering.backends.expressions import ATOMIC, COMPARISON, UNARY, bracketed
 from drlsl.lowering.backends.sparse import Conjunctions, mask_parts, plan_sparse
 from drlsl.lowering.frontend import Lowered, array_forms, atom_codes
 from drlsl.lowering.ir import QUANTIFIERS, SMALL, Names, Node, Pool, Relation, conjuncts, reach, relation_of
@@ -30,7 +31,7 @@ _REDUCTIONS: Final = {
     "argmax": "where_greatest",
     "sum": "total",
 }
-_ATOMIC, _UNARY, _COMPARISON, _LOOSE = 20, 13, 6, 0
+_LOOSE: Final = 0
 _STACKABLE: Final = frozenset({"add", "and", "any", "both", "div", "max", "min", "mul", "select", "sub"})
 _WORTH_STACKING: Final = 4
 _LEAVES: Final = frozenset({"const", "loop", "facts", "others", "row"})
@@ -184,7 +185,7 @@ class ArrayPrinter:
         """Return the text of similar values, one per row; a common value stays one row."""
         first, key = nodes[0], tuple(nodes)
         if all(node is first for node in nodes):
-            return self._text(first, _ATOMIC)
+            return self._text(first, ATOMIC)
         if key not in known:
             if first in self._known or first.op not in _STACKABLE or first.free:
                 known[key] = self._names.new("rows_of")
@@ -201,8 +202,7 @@ class ArrayPrinter:
         if _is_by_constant(node):
             return f"xp.divide({', '.join(args)})"
         if node.op in NODES:
-            text, own = _operation(NODES[node.op], args)
-            return text if own == _ATOMIC else f"({text})"
+            return bracketed(*_operation(NODES[node.op], args), ATOMIC)
         if node.op in _JOINTS:
             return f"({f' {_JOINTS[node.op][0]} '.join(args)})"
         if node in self._twins:
@@ -289,14 +289,11 @@ class ArrayPrinter:
         if len(own) == len(target):
             return self._text(node, strength)
         places = ", ".join(":" if loop in own else "None" for loop in target)
-        return f"{self._text(node, _ATOMIC)}[{places}]"
+        return f"{self._text(node, ATOMIC)}[{places}]"
 
     def _text(self, node: Node, strength: int) -> str:
         name = self._known.get(node)
-        if name is not None:
-            return name
-        text, own = self._expression(node)
-        return text if own >= strength else f"({text})"
+        return bracketed(*self._expression(node), strength) if name is None else name
 
     def _expression(self, node: Node) -> tuple[str, int]:
         if node.op == "const":
@@ -306,29 +303,29 @@ class ArrayPrinter:
         if node.op == "and":
             return self._expression_or_name(self._masks.of(conjuncts(node)))
         if node in self._twins:
-            return f"{self._text(self._twins[node], _COMPARISON + 1)} < xp.inf", _COMPARISON
+            return f"{self._text(self._twins[node], COMPARISON + 1)} < xp.inf", COMPARISON
         if node.op in QUANTIFIERS:
-            return self._reduction(node), _ATOMIC
+            return self._reduction(node), ATOMIC
         if node.op == "where":
             mask = self._mask(node)
             if _is_small(node):
-                return f"xp.pick({self._text(mask, _LOOSE)})", _ATOMIC
+                return f"xp.pick({self._text(mask, _LOOSE)})", ATOMIC
             return self._expression_or_name(mask)
         if node.op == "valid":
             return self._valid(node.args[0])
         if node.op == "col":
-            return self._gather(node), _ATOMIC
+            return self._gather(node), ATOMIC
         if node.op == "row":
-            return "0", _ATOMIC
+            return "0", ATOMIC
         if node.op == "loop":
             valid = self._text(self.pool.make("valid", "bool", (node,)), _LOOSE)
-            return f"xp.positions({valid}, {int(_ranges_over_others(node))})", _ATOMIC
+            return f"xp.positions({valid}, {int(_ranges_over_others(node))})", ATOMIC
         axes = self._axes(node)
         if node.op == "div" and node.args[1].is_const and math.frexp(node.args[1].data)[0] == 0.5:
             # by a power of two: the product is the same number, and is faster
             return f"{self._text(node.args[0], 12)} * {1.0 / node.args[1].data!r}", 12
         if _is_by_constant(node):
-            return f"xp.divide({', '.join(self._aligned(arg, axes, _LOOSE) for arg in node.args)})", _ATOMIC
+            return f"xp.divide({', '.join(self._aligned(arg, axes, _LOOSE) for arg in node.args)})", ATOMIC
         if node.op in NODES:
             row = NODES[node.op]
             infix = not row.arrays and row.infix
@@ -343,30 +340,30 @@ class ArrayPrinter:
         if node.op == "select":
             args = ", ".join(self._aligned(arg, axes, _LOOSE) for arg in node.args)
             constants = node.kind == "float" and all(arg.is_const for arg in node.args[1:])
-            return f"xp.{'constants' if constants else 'choose'}({args})", _ATOMIC
+            return f"xp.{'constants' if constants else 'choose'}({args})", ATOMIC
         return self._truth(node, axes)
 
     def _expression_or_name(self, node: Node) -> tuple[str, int]:
         name = self._known.get(node)
-        return (name, _ATOMIC) if name is not None else self._expression(node)
+        return (name, ATOMIC) if name is not None else self._expression(node)
 
     def _truth(self, node: Node, axes: Sequence[Node]) -> tuple[str, int]:
         if node.op == "within":
-            return f"xp.within({self._text(node.args[0], _LOOSE)}, {node.data!r})", _ATOMIC
+            return f"xp.within({self._text(node.args[0], _LOOSE)}, {node.data!r})", ATOMIC
         compared = node.args[0] if node.op == "not" else node
         if compared.op in ("lt", "eq") and (compared is node or compared not in self._known):
             sign = {"lt": ("<", ">="), "eq": ("==", "!=")}[compared.op][compared is not node]
-            left, right = (self._aligned(arg, axes, _COMPARISON + 1) for arg in compared.args)
-            return f"{left} {sign} {right}", _COMPARISON
+            left, right = (self._aligned(arg, axes, COMPARISON + 1) for arg in compared.args)
+            return f"{left} {sign} {right}", COMPARISON
         assert node.op == "not", node.op
-        return f"~{self._text(node.args[0], _UNARY)}", _UNARY
+        return f"~{self._text(node.args[0], UNARY)}", UNARY
 
     def _constant(self, node: Node) -> tuple[str, int]:
         if isinstance(node.data, Atom):
-            return str(self.codes[node.data.name]), _ATOMIC
+            return str(self.codes[node.data.name]), ATOMIC
         if isinstance(node.data, bool):
-            return f"xp.{str(node.data).lower()}", _ATOMIC
-        return repr(node.data), _ATOMIC if node.data >= 0 else _UNARY
+            return f"xp.{str(node.data).lower()}", ATOMIC
+        return repr(node.data), ATOMIC if node.data >= 0 else UNARY
 
     def _reduction(self, node: Node) -> str:
         loop, mask, values = node.args[0], self._mask(node), node.args[2:]
@@ -379,25 +376,25 @@ class ArrayPrinter:
             return text
         picked = self._picked(loop)
         if picked:
-            text = f"xp.take({self._text(picked[0], _ATOMIC)}.index, {text})"
+            text = f"xp.take({self._text(picked[0], ATOMIC)}.index, {text})"
         return f"{text} + 1" if _ranges_over_others(loop) else text
 
     def _valid(self, loop: Node) -> tuple[str, int]:
         picked, selected = self._picked(loop), self._selected(loop)
         if picked:
-            return f"{self._text(picked[0], _ATOMIC)}.valid", _ATOMIC
+            return f"{self._text(picked[0], ATOMIC)}.valid", ATOMIC
         if selected:
             return self._expression_or_name(selected[0])
         relation = relation_of(loop)
         self.columns.setdefault(relation, set())
         rows = "1:" if _ranges_over_others(loop) else ":"
-        return f"tables[{relation.name!r}, {relation.arity}].valid[{rows}]", _ATOMIC
+        return f"tables[{relation.name!r}, {relation.arity}].valid[{rows}]", ATOMIC
 
     def _gather(self, node: Node) -> str:
         index = node.args[0]
         column = self._full_column(*node.data)
         if index.op == "loop":
-            rows = self._text(self._picked(index)[0], _ATOMIC)
+            rows = self._text(self._picked(index)[0], ATOMIC)
             offset = " + 1" if _ranges_over_others(index) else ""
             return f"xp.take({column}, {rows}.index{offset})"
         return f"xp.take({column}, {self._text(index, _LOOSE)})"
@@ -416,9 +413,9 @@ _HINTS: Final = {
 def _operation(row: Operation, args: Sequence[str]) -> tuple[str, int]:
     """Return an arithmetic operation on the texts of its arguments, and its precedence."""
     if row.arrays:
-        return f"xp.{row.arrays}({', '.join(args)})", _ATOMIC
+        return f"xp.{row.arrays}({', '.join(args)})", ATOMIC
     if row.infix is None:
-        return f"xp.function({row.node!r}, {', '.join(args)})", _ATOMIC
+        return f"xp.function({row.node!r}, {', '.join(args)})", ATOMIC
     sign, own = row.infix
     return (f"{args[0]} {sign} {args[1]}" if row.arity == 2 else f"{sign}{args[0]}"), own
 

@@ -13,6 +13,11 @@ ATOMIC, UNARY, SUM, COMPARISON, NOT, AND, OR, CHOICE = 20, 13, 11, 6, 5, 4, 3, 1
 """How strongly a language binds, from values and calls to a choice."""
 
 
+def bracketed(text: str, own: int, strength: int) -> str:
+    """Return an expression that binds as strongly as `own`, in brackets if its context binds stronger."""
+    return text if own >= strength else f"({text})"
+
+
 def is_lookup(node: Node) -> bool:
     """Return whether a quantifier searches the row with a given key."""
     if node.op not in ("any", "first") or node.args[1].op != "eq" or node.args[0].args[0].op != "facts":
@@ -101,10 +106,7 @@ class ExpressionText(ABC):
     def text(self, node: Node, strength: int) -> str:
         """Return an expression, in brackets if its context binds more strongly."""
         name = self.known.get(node)
-        if name is not None:
-            return name
-        text, own = self._text(node)
-        return text if own >= strength else f"({text})"
+        return bracketed(*self._text(node), strength) if name is None else name
 
     def _text(self, node: Node) -> tuple[str, int]:
         args = node.args
