@@ -11,7 +11,7 @@ import typer
 
 from drlsl.cli.drivers import loaded_driver
 from drlsl.cli.failures import failures_as_errors
-from drlsl.cli.options import EpisodeSeed, Rules, config_and_arguments
+from drlsl.cli.options import EpisodeSeed, Rules, config_and_arguments, several
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -42,10 +42,10 @@ Which = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option(
+    several(
         "--set",
-        metavar="KEY=VALUE",
-        help="A setting of env, such as env.traffic=reactive, or of the driver, such as "
+        "KEY=VALUE",
+        "A setting of env, such as env.traffic=reactive, or of the driver, such as "
         "driver.politeness=0.2; may be repeated.",
     ),
 ]

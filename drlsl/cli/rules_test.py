@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, crew_of
+from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, crew_of, several
 
 if TYPE_CHECKING:
     from drlsl.assurance import Coverage, Outcome, Score, Verdict, Witness
@@ -27,10 +27,10 @@ class ArrayTier(StrEnum):
 
 Tables = Annotated[
     list[Path] | None,
-    typer.Option(
+    several(
         "--tables",
-        metavar="FILE",
-        help="A table, instead of NAME.test.yaml and NAME.*.test.yaml beside NAME.pl; repeatable.",
+        "FILE",
+        "A table, instead of NAME.test.yaml and NAME.*.test.yaml beside NAME.pl; repeatable.",
     ),
 ]
 Tiers = Annotated[

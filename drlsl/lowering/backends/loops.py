@@ -175,26 +175,18 @@ class LoopPrinter(ExpressionText):
         """
         needs = Needs(self.pool, self._results, self.reached)
         order: list[tuple[_Loop, Node]] = []
-        before = set(self._members(loops))
+        before = set(_members(loops))
         for loop in reversed(loops):
             before.difference_update(loop.members)
             last = next(
-                (place for place, (other, when) in enumerate(order) if self._reads(other, when, loop)),
+                (place for place, (other, when) in enumerate(order) if _reads(other, when, loop)),
                 len(order),
             )
-            known = before.union(self._members(other for other, _ in order[:last]))
+            known = before.union(_members(other for other, _ in order[:last]))
             when = needs.of(loop.members, known)
             guarded = when is not self.pool.true and not relation_of(loop.rows).single
             order.insert(last if guarded else 0, (loop, when if guarded else self.pool.true))
         return order
-
-    def _members(self, loops: Iterable[_Loop]) -> list[Node]:
-        return [member for loop in loops for member in loop.members]
-
-    def _reads(self, loop: _Loop, when: Node, other: _Loop) -> bool:
-        """Return whether a loop, or the condition for it, depends on another loop."""
-        parts = reach([when, *(arg for member in loop.members for arg in member.args)])
-        return any(member in parts for member in other.members)
 
     def _stage(self, node: Node) -> int:
         """Return the number of successive loops that a value depends on."""
@@ -413,6 +405,16 @@ _HINTS: Final = {
     "min_of": "least",
     "max_of": "greatest",
 }
+
+
+def _members(loops: Iterable[_Loop]) -> list[Node]:
+    return [member for loop in loops for member in loop.members]
+
+
+def _reads(loop: _Loop, when: Node, other: _Loop) -> bool:
+    """Return whether a loop, or the condition for it, depends on another loop."""
+    parts = reach([when, *(arg for member in loop.members for arg in member.args)])
+    return any(member in parts for member in other.members)
 
 
 def _fixed_parts(node: Node) -> Iterator[Node]:
