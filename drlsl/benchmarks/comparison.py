@@ -6,7 +6,7 @@ import math
 import statistics
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -59,16 +59,22 @@ def _coverage(count: int, cut: int) -> float:
     return 1 - math.ldexp(outside, 1 - count)
 
 
-def compare(old: Path, new: Path, what: Sequence[str], pairs: int) -> Iterator[Comparison]:
+def compare(
+    old: Path, new: Path, what: Sequence[str], pairs: int, settings: Sequence[str] = ()
+) -> Iterator[Comparison]:
     """Measure both versions in turn, and yield a comparison of each time when its pairs are complete.
 
-    Each is a checkout or a wheel. What only one of them reports is left out.
+    Each is a checkout or a wheel. What only one of them reports is left out. `settings`: those of the new
+    version's training, each KEY=VALUE, where it differs from the old one's.
 
     Raises:
         UserError: as `subject`, or a measurement fails.
     """
     with tempfile.TemporaryDirectory(prefix="drlsl-compare-") as work:
-        versions = [subject(source, Path(work) / name) for source, name in ((old, "old"), (new, "new"))]
+        versions = [
+            subject(old, Path(work) / "old"),
+            replace(subject(new, Path(work) / "new"), settings=tuple(settings)),
+        ]
         for name in what:
             measure = MEASUREMENTS[name]
             found: list[tuple[Times, Times]] = []

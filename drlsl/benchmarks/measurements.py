@@ -54,8 +54,8 @@ print(time.process_time() - begin)
 """Prints the processor time from the rules to the first decision of Numba's tier."""
 
 
-def _bench(version: Subject, part: str) -> Any:
-    return json.loads(version.run("bench", part, "--runs", "1", "--json"))
+def _bench(version: Subject, part: str, *options: str) -> Any:
+    return json.loads(version.run("bench", part, "--runs", "1", "--json", *options))
 
 
 def _rules(version: Subject) -> Times:
@@ -75,7 +75,7 @@ def _env(version: Subject) -> Times:
 
 
 def _train(version: Subject) -> Times:
-    told = _bench(version, "train")
+    told = _bench(version, "train", *(word for setting in version.settings for word in ("--set", setting)))
     return {"training": 1 / told["updates_per_s"], "bare updates": 1 / told["bare_updates_per_s"]}
 
 

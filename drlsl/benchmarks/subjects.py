@@ -24,6 +24,8 @@ class Subject:
     program: Path
     folder: Path
     cache: Path
+    settings: tuple[str, ...] = ()
+    """Settings of its training, each KEY=VALUE."""
 
     def run(self, *arguments: str, cache: Path | None = None) -> str:
         """Return the output of its command.

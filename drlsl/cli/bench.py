@@ -185,6 +185,10 @@ def compare(
             help="rules, env, train, query, start, compile or proofs; give it again for more. Default: all.",
         ),
     ] = None,
+    new_settings: Annotated[
+        list[str] | None,
+        several("--new-set", "KEY=VALUE", "A setting of NEW's training alone; may be repeated."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure two versions in turn: the speed of NEW relative to OLD, with the interval of the median.
@@ -202,7 +206,7 @@ def compare(
         if part not in MEASUREMENTS:
             raise UserError(f"--only {part}: expected one of {', '.join(MEASUREMENTS)}")
     report = {}
-    for found in compared(old, new, parts, pairs):
+    for found in compared(old, new, parts, pairs, new_settings or ()):
         low, high = found.interval
         before, after = statistics.median(found.old), statistics.median(found.new)
         report[found.name] = {

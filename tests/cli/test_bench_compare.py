@@ -30,7 +30,7 @@ def checkout(root: Path, name: str, *, slower: float = 1.0, broken: bool = False
     for part, speeds in told.items():
         (program.parent / f"{part}.json").write_text(json.dumps(speeds))
     program.write_text(
-        f'#!/bin/sh\necho "{name} $1 $2" >> "{root}/calls"\n'
+        f'#!/bin/sh\necho "{name} $1 $2" >> "{root}/calls"\necho "$*" >> "{root}/{name}.calls"\n'
         + ('echo "some trace" >&2; echo "drlsl: out of order" >&2; exit 2\n' if broken else "")
         + f'[ "$1" = bench ] && cat "{program.parent}/$2.json"\nexit 0\n'
     )
@@ -57,6 +57,17 @@ def test_each_number_is_a_ratio_and_the_checkouts_take_turns(
     assert [call.split()[0] for call in calls[:6]] == ["old", "new", "new", "old", "old", "new"]
     step = report["env: 1 side by side"]
     assert (step["old_s"], step["new_s"], step["swing"]) == (0.01, 0.02, 1.0)
+
+
+def test_settings_are_those_of_the_new_versions_training(tmp_path: Path) -> None:
+    old, new = checkout(tmp_path, "old"), checkout(tmp_path, "new")
+    faster = ["--new-set", "learning.precision=bfloat16", "--new-set", "threads=2"]
+    parts = ["--only", "train", "--only", "env", "--pairs", "1"]
+    assert run(["bench", "compare", str(old), str(new), *parts, *faster]) == 0
+    told, env = "bench train --runs 1 --json", "bench env --runs 1 --json"
+    assert (tmp_path / "old.calls").read_text().splitlines() == [told, env]
+    settings = "--set learning.precision=bfloat16 --set threads=2"
+    assert (tmp_path / "new.calls").read_text().splitlines() == [f"{told} {settings}", env]
 
 
 def test_queries_are_processes_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
