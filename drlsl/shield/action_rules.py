@@ -95,10 +95,7 @@ class ActionRules:
             for place, problem in clauses_about_others(self._engine, asked, self._problem_with):
                 raise UserError(f"{place}: {problem}")
         self._forms = FactForms(self._engine, schema)
-        for finding in find_mistakes(self._engine, schema or Schema(())):
-            if finding.error:
-                raise UserError(f"the rules cannot be used: {finding}")
-            _LOG.warning("%s", finding)
+        self._check_for_mistakes(schema)
         self._tier_name = check_tier(tier)
         self._query = Query(self._ask.name, 1, "set")
         self._why = Query(self._reasons.name, 2, "all")
@@ -402,6 +399,13 @@ class ActionRules:
     def _not_among(self, name: str) -> str:
         near = get_close_matches(name, self.actions, 1)
         return f"not among {', '.join(self.actions)}" + (f"; did you mean {near[0]}?" if near else "")
+
+    def _check_for_mistakes(self, schema: Schema | None) -> None:
+        """Refuse a program with mistakes that are errors, and tell of others."""
+        for finding in find_mistakes(self._engine, schema or Schema(())):
+            if finding.error:
+                raise UserError(f"the rules cannot be used: {finding}")
+            _LOG.warning("%s", finding)
 
     def _check_possible_answers(self) -> None:
         """Check the actions that the program can offer, as far as it can be lowered without facts."""

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
 from drlsl.errors import UserError
-from drlsl.logic import Limits
-from drlsl.lowering.ir import Schema
-from drlsl.masks import check_mode, settle
-from drlsl.shield.action_rules import ASK, LIMITS, REASONS, ActionRules
+from drlsl.masks import settle
 from drlsl.shield.fact_batch import ManyFacts, some_of
 from drlsl.shield.fact_forms import Facts
-from drlsl.shield.named_actions import NamedActions, check_facts_function, told_facts
-from drlsl.shield.offers import NOT_OFFERED, Counts
-from drlsl.shield.rule_files import Rules
-from drlsl.shield.wrapper import PENALTY
+from drlsl.shield.named_actions import check_facts_function, told_facts
+from drlsl.shield.offers import NOT_OFFERED
+from drlsl.shield.shielding import Shielding
 
 
 def of_each(facts: Callable[[Any], Facts]) -> Callable[[Any], list[Facts]]:
@@ -43,7 +40,7 @@ def of_each(facts: Callable[[Any], Facts]) -> Callable[[Any], list[Facts]]:
     return facts_of_all
 
 
-class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in Gymnasium 1.2 it is not generic
+class LogicVectorShield(Shielding[VectorEnv[Any, Any, Any], ManyFacts], VectorWrapper, RecordConstructorArgs):
     """N environments with discrete actions, of which rules say which are offered, in one call for all.
 
     `info` holds `action_mask` int8 (N, A) and `shield` as a `SyncVectorEnv` of `LogicShield` has them: arrays
@@ -52,68 +49,19 @@ class LogicVectorShield(VectorWrapper, RecordConstructorArgs):  # no [...]: in G
     which an episode ended is not seen from outside: use `LogicShield` inside where that is needed.
     """
 
-    def __init__(
-        self,
-        env: VectorEnv[Any, Any, Any],
-        rules: Rules,
-        *,
-        actions: Mapping[str, int],
-        facts: Callable[[Any], ManyFacts],
-        fallback: str,
-        ask: str = ASK,
-        reasons: str = REASONS,
-        mode: str = "mask",
-        tier: str = "auto",
-        schema: Schema | None = None,
-        limits: Limits = LIMITS,
-        penalty: float = PENALTY,
-        remember: int = 0,
-    ) -> None:
-        """Wrap `env`; the parameters are those of `LogicShield`, but for `facts` and `tier`.
+    @staticmethod
+    def _action_space_of(env: VectorEnv[Any, Any, Any]) -> gymnasium.Space[Any]:
+        return env.single_action_space
 
-        `facts` returns the facts of all N states, given the vector environment without its wrappers: a
-        mapping for each, or one whose values are `Rows` of arrays (`ManyFacts`); `of_each` makes such a
-        function of one for a single environment. Only what was found for facts in mappings is remembered.
-        `tier` is auto (Numba where it is installed), interpreter, scalar, numpy, numba or torch.
-
-        Raises:
-            UserError: as `LogicShield` does.
-        """
-        RecordConstructorArgs.__init__(
-            self,
-            _disable_deepcopy=True,
-            **{name: value for name, value in locals().items() if name not in ("self", "env", "__class__")},
-        )
-        super().__init__(env)
-        self._actions = NamedActions.of(env.single_action_space, actions)
-        self._mode = check_mode(mode)
-        self._facts_of = check_facts_function(facts)
-        self._penalty = float(penalty)
-        self.rules: Final = ActionRules(
-            rules,
-            self._actions.names,
-            fallback=fallback,
-            ask=ask,
-            reasons=reasons,
-            tier=tier,
-            schema=schema,
-            limits=limits,
-            remember=remember,
-        )
-        """The rules, which can be asked about any facts."""
-        self._fallback = self._actions.places[self._actions.names.index(fallback)]
-        self._autoreset = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+    def _begin(self) -> None:
+        self._fallback = self._place_of[self.rules.fallback]
+        self._autoreset = self.env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
         self._facts: ManyFacts = []
         self._asked: npt.NDArray[np.int64] = np.arange(0)  # the environments that `_facts` are of
-        self._terminated = np.zeros(env.num_envs, dtype=np.bool_)
-        self._over = np.zeros(env.num_envs, dtype=np.bool_)
+        self._terminated = np.zeros(self.num_envs, dtype=np.bool_)
+        self._over = np.zeros(self.num_envs, dtype=np.bool_)
         self._mask: npt.NDArray[np.bool_] | None = None
         self._failures: Mapping[int, str] = {}
-
-    @property
-    def counts(self) -> Counts:
-        """The counts of decisions, of those for which the rules failed, and of actions not offered."""
-        return self.rules.counts
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import RecordConstructorArgs
 
-from drlsl.logic import Limits
-from drlsl.lowering.ir import Schema
-from drlsl.masks import check_mode, settle
-from drlsl.shield.action_rules import ASK, LIMITS, REASONS, ActionRules
+from drlsl.masks import settle
 from drlsl.shield.fact_forms import Facts
-from drlsl.shield.named_actions import NamedActions, check_facts_function, told_facts
-from drlsl.shield.offers import NOT_OFFERED, Counts, Offer
-from drlsl.shield.rule_files import Rules
-
-PENALTY: Final = 1.0
-"""What an action that was not offered costs in the mode `penalise`."""
+from drlsl.shield.named_actions import told_facts
+from drlsl.shield.offers import NOT_OFFERED, Offer
+from drlsl.shield.shielding import Shielding
 
 
-class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
+class LogicShield(
+    Shielding[gymnasium.Env[Any, Any], Facts],
+    gymnasium.Wrapper[Any, Any, Any, Any],
+    RecordConstructorArgs,
+):
     """An environment with discrete actions, of which rules say which are offered.
 
     `info` of reset and step holds `action_mask` int8 (A,), of the actions that are offered now, and `shield`:
@@ -35,78 +32,13 @@ class LogicShield(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     The rules are not asked about a state in which an episode has terminated.
     """
 
-    def __init__(
-        self,
-        env: gymnasium.Env[Any, Any],
-        rules: Rules,
-        *,
-        actions: Mapping[str, int],
-        facts: Callable[[Any], Facts],
-        fallback: str,
-        ask: str = ASK,
-        reasons: str = REASONS,
-        mode: str = "mask",
-        tier: str = "auto",
-        schema: Schema | None = None,
-        limits: Limits = LIMITS,
-        penalty: float = PENALTY,
-        remember: int = 0,
-    ) -> None:
-        """Wrap `env`.
+    @staticmethod
+    def _action_space_of(env: gymnasium.Env[Any, Any]) -> gymnasium.Space[Any]:
+        return env.action_space
 
-        Args:
-            env: the environment.
-            rules: a rule file, a name such as frozen_lake.pl that ships, several files, or a program's text.
-            actions: the environment's actions by the names of the rules; one without a name is never offered.
-            facts: returns the facts of the present state, given the environment without its wrappers: the
-                rows of every relation by name and arity.
-            fallback: the name of the action that alone is offered where the rules give no usable answer.
-            ask: the goal whose solutions are the offered actions.
-            reasons: the goal whose solutions say why an action is not offered; the rules need not define it.
-            mode: what happens with an action that was not offered (`drlsl.masks.Mode`). In the mode
-                `replace` the fallback is taken, or the first that is offered if it is not.
-            tier: auto (generated code if the rules can be lowered), interpreter, scalar, numpy, numba, torch.
-            schema: the relations of the facts; without it those that the rules declare dynamic, and the first
-                facts tell the kinds of their columns.
-            limits: of one decision by the interpreter.
-            penalty: the reward that an action costs that was not offered, in the mode `penalise`.
-            remember: the number of states for which what the rules said is kept, and given again for the same
-                facts; for slow rules and few states, if the rules go by nothing but the facts.
-
-        Raises:
-            UserError: the rules cannot be loaded, do not define `ask` or name an unknown action, the actions
-                are not discrete, or a parameter is not usable.
-        """
-        RecordConstructorArgs.__init__(
-            self,
-            _disable_deepcopy=True,
-            **{name: value for name, value in locals().items() if name not in ("self", "env", "__class__")},
-        )
-        super().__init__(env)
-        self._actions = NamedActions.of(env.action_space, actions)
-        self._mode = check_mode(mode)
-        self._facts_of = check_facts_function(facts)
-        self._penalty = float(penalty)
-        self.rules: Final = ActionRules(
-            rules,
-            self._actions.names,
-            fallback=fallback,
-            ask=ask,
-            reasons=reasons,
-            tier=tier,
-            schema=schema,
-            limits=limits,
-            remember=remember,
-        )
-        """The rules, which can be asked about any facts."""
-        self._place_of = dict(zip(self._actions.names, self._actions.places, strict=True))
+    def _begin(self) -> None:
         self._facts: Facts = {}
         self._offer: Offer | None = None
-
-    @property
-    def counts(self) -> Counts:
-        """The counts of decisions, of those for which the rules failed, and of actions not offered."""
-        return self.rules.counts
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
