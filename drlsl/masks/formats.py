@@ -18,7 +18,7 @@ Masks: TypeAlias = npt.NDArray[Any]
 INFO_KEY: Final = "action_mask"
 """The key of the mask in `info`."""
 
-_FINAL: Final = ("final_obs", "final_info")
+_FINAL: Final = ("final_obs", "_final_obs", "final_info", "_final_info")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +60,11 @@ class MaskFormat:
         Raises:
             UserError: `final_info` has none.
         """
-        final = {key: value for key, value in info.items() if key.lstrip("_") in _FINAL}
+        final = {key: info[key] for key in _FINAL if key in info}
+        if not final:
+            return self.one(observations, info, masks)
         told = self._info({key: value for key, value in info.items() if key not in final}, masks)
-        if final:
-            told |= self._final(final)
-        return self._observation(observations, masks), told
+        return self._observation(observations, masks), told | self._final(final)
 
     def _final(self, final: Mapping[str, Any]) -> dict[str, Any]:
         """Return what was last told in episodes that are over, with its masks."""

@@ -60,8 +60,7 @@ def settle(
     Raises:
         ActionNotOffered: in the mode `raise`, if one is not.
     """
-    everyone = np.arange(len(asked))
-    offered = masks[everyone, asked].astype(np.bool_)
+    offered = masks[np.arange(len(asked)), asked].astype(np.bool_)
     if free is not None:
         offered |= free
     taken = asked.astype(np.int64)

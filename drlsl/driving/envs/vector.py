@@ -378,9 +378,10 @@ def _taken(settled: Settled, began: Sequence[int]) -> Integers:
 
 def _with_masks(columns: dict[str, Any], told: Mask) -> dict[str, Any]:
     """Return the columns, each with a mask of the environments that have it."""
-    return {
-        key: value for name, column in columns.items() for key, value in ((name, column), (f"_{name}", told))
-    }
+    result = {}
+    for name, column in columns.items():
+        result[name], result["_" + name] = column, told
+    return result
 
 
 def _names(info: dict[str, Any]) -> Iterable[str]:

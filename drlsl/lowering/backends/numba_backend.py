@@ -66,7 +66,6 @@ class NumbaProgram(BatchProgram[Array]):
             (value.width if value.axes == 2 else None, _DTYPES[value.kind], bool(fails))
             for value, *fails in printer.outputs
         ]
-        self._marks = sum(parameter.kind == "bool" and parameter.axes == 1 for parameter in printer.results)
         self._order = [
             (key, tuple(given.columns), _ALL_THERE[given.valid.axes]) for key, given in self._given.items()
         ]
@@ -153,20 +152,17 @@ class NumbaProgram(BatchProgram[Array]):
 
     def _blank(self, scenes: int) -> tuple[ArrayResult, list[Array]]:
         """Return a result to be filled, and its arrays in the order of the function's parameters."""
-        undecided, *marks = np.empty((self._marks, scenes), dtype=np.bool_)
-        never = np.zeros(scenes, dtype=np.bool_)
-        arrays = [undecided]
-        answers = []
+        undecided = np.empty(scenes, np.bool_)
+        arrays, answers = [undecided], []
         for width, dtype, can_fail in self._outputs:
-            if width is None and dtype is _DTYPES["bool"]:
-                value = marks.pop()
-            else:
-                value = np.empty(scenes if width is None else (scenes, width), dtype)
+            value = np.empty(scenes if width is None else (scenes, width), dtype)
             arrays.append(value)
             if can_fail:
-                fails = marks.pop()
+                fails = np.empty(scenes, np.bool_)
                 arrays.append(fails)
-            answers.append(BatchAnswer(value, fails if can_fail else never))
+            else:
+                fails = np.zeros(scenes, np.bool_)
+            answers.append(BatchAnswer(value, fails))
         return BatchResult(tuple(answers), undecided), arrays
 
     def _ready(self, given: Given, rows: Rows | None) -> Rows:
