@@ -39,7 +39,7 @@ unknown(reached_speed, 0, 71, 'the ego''s speed after a step, m/s').
 unknown(step_share, 0, 1, 'share of a time step that has passed').
 unknown(farther_gap, 0, 1000, 'a larger gap, m').
 
-% -------------------------------------------------------------------------------------------- how far vehicles go
+% How far vehicles go
 
 % By induction over steps of constant acceleration of any length: a vehicle within the bounds so far stays within them.
 
@@ -87,7 +87,7 @@ spec_rear_accelerates(T, T1, _, A) :- T + T1 =< 0.35, acceleration(A), spec_spee
 spec_rear_accelerates(T, _, _, A) :- T >= 0.35, acceleration(A), A =< -6.0.
 spec_rear_accelerates(T, _, U, 0.0) :- T >= 0.35, U =< 0.0.
 
-% ------------------------------------------------------------------------------------------------- lane changes
+% Lane changes
 
 property(nearest_at_the_ends, 'from a decision until both vehicles stand, their gap is smallest at the beginning or at the end').
 violates(nearest_at_the_ends) :-
@@ -120,7 +120,7 @@ spec_moves_in(Car, Offset, Gap) :- spec_offered(Side), spec_claims(Car, Side), s
 % spec_least_gap(Gap, V1, V2, Least): the smaller of Gap, now at speed V1 behind and V2 in front, and the gap when both stand.
 spec_least_gap(Gap, V1, V2, Least) :- spec_rear_stop(V1, Rear), Least is min(Gap, Gap + V2 * V2 / (2 * 8.0) - Rear).
 
-% ---------------------------------------------------------------------------------------------- the safe distances
+% The safe distances
 
 property(distance_is_enough, 'from a gap above the critical distance there is at no moment a contact').
 violates(distance_is_enough) :-
@@ -142,7 +142,7 @@ violates(opposite_is_least) :-
     rear_speed(V1), front_speed(V2), gap_between(Gap), opposite_distance(V1, V2, Distance), Gap < Distance,
     spec_rear_stop(V1, S1), spec_rear_stop(V2, S2), Gap - S1 - S2 >= 0.0.
 
-% ---------------------------------------------------------------------------------------------------- following
+% Following
 
 % In a step the ego reaches a speed by constant acceleration, as in drlsl.driving.simulation.controllers.move_forward, braking by at
 % most 8 m/s2. A vehicle ahead that brakes by 8 m/s2 all the time stops V * V / 16 further on; one that brakes less stops further on,

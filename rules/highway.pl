@@ -35,7 +35,7 @@
 :- include('longitudinal.pl').
 :- include('observation.pl').
 
-% ---------------------------------------------------------------------------------------------------- parameters
+% Parameters
 
 % response_time(T): the time before a rear or oncoming vehicle reacts. Source: UN R157, 5.2.5.2 (0.35 s).
 response_time(0.35).
@@ -70,7 +70,7 @@ drift_horizon(entry, 3.0).
 drift_horizon(left, 3.0).
 drift_horizon(right, 3.0).
 
-% ------------------------------------------------------------------------------------------- reading the facts
+% Reading the facts
 
 % lane(Car, Lane): Car's centre is in Lane.
 lane(Car, Lane) :- vehicle(Car, Lane, _, _, _, _, _, _).
@@ -114,7 +114,7 @@ gap(Car, Gap) :-
     vehicle(ego, _, _, _, _, _, Length1, _), vehicle(Car, _, _, _, _, _, Length2, _),
     Gap is abs(S) - (Length1 + Length2) / 2.
 
-% ----------------------------------------------------------------------------------------------- lanes and ways
+% Lanes and ways
 
 % side_lane(Side, Lane): Lane is next to the ego's lane on that side and runs the same way.
 side_lane(Side, Lane) :-
@@ -157,7 +157,7 @@ settled :-
     target_lane(Lane), lane(ego, Lane), road_lane(Lane, _, Centre, _, _), position_y(ego, Y),
     centre_tolerance(Tolerance), abs(Y - Centre) =< Tolerance.
 
-% ------------------------------------------------------------------------------------------- the eight sections
+% The eight sections
 
 % section(Section, Side, Place): the paper's eight sections around the ego.
 section(front, own, ahead).
@@ -205,7 +205,7 @@ back_left_is_free :- \+ back_left_is_busy.
 left_is_free :- \+ left_is_busy.
 front_left_is_free :- \+ front_left_is_busy.
 
-% ----------------------------------------------------------------------------------------------- safe distances
+% Safe distances
 
 % stopping_way(V, S): how far a vehicle goes at most until it stands: it may accelerate until it reacts, and then brakes as hard as
 % it certainly can.
@@ -241,7 +241,7 @@ required_gap_behind(VRear, VEgo, Gap) :- required_gap(VRear, VEgo, Gap).
 obstacle(Side, Car, Gap, Needed) :-
     target_vehicle(Car), in_way(Car, Side), gap(Car, Gap), needed_gap(Car, Needed), Gap < Needed.
 
-% -------------------------------------------------------------------------------------------------- safe actions
+% Safe actions
 
 % lane_change(Action, Side): Action is the lane change to that side.
 lane_change(left_lane_change, left).
@@ -264,7 +264,7 @@ objection(Action, too_close(Car, Gap, Needed)) :- lane_change(Action, Side), obs
 % entry_is_safe: the ego may enter the road where it is: the gap to each vehicle in or drifting into its lane is large enough.
 entry_is_safe :- \+ obstacle(entry, _, _, _).
 
-% -------------------------------------------------------------------------------------- giving up a lane change
+% Giving up a lane change
 
 % lane_to_keep(Lane): the lane that lane_keeping steers for: the target lane; or, while the ego's centre is still in the lane that it
 % came from, that lane again if the target lane is taken and no vehicle is beside the ego in the old one.

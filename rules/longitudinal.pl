@@ -3,7 +3,7 @@
 % longitudinal_velocity/1 is a ceiling: whatever the ego drives below it is safe (docs/verify.md, "Following"). As far as it allows, the
 % ego follows comfortable_acceleration/1 with bounded jerk (drlsl/driving/simulation/controllers.py), so the ceiling is seldom reached.
 
-% ---------------------------------------------------------------------------------------------------- parameters
+% Parameters
 
 % comfortable_acceleration_limit(A), comfortable_braking(B), time_gap(T): the acceleration and the braking of a comfortable driver, and
 % the time that it keeps behind a leader. Source: Kesting, Treiber and Helbing 2010, Table 1 (ACC).
@@ -17,7 +17,7 @@ queue_gap(3.0).
 % giving_way(B): the braking with which the ego at least gives way: about what a car slows down by that neither drives nor brakes.
 giving_way(0.3).
 
-% ------------------------------------------------------------------------------------------------------- leaders
+% Leaders
 
 % leader(Side, Car, Gap, V): the gap to vehicle Car ahead in the way of Side, and its speed. An oncoming vehicle counts as standing at
 % the place where it will stop, so the gap may be negative.
@@ -40,7 +40,7 @@ braking_needed(Gap, V1, V2, B) :-
     front_braking(B2), time_step(Dt), Room is Gap + V2 * V2 / (2 * B2) - V1 * Dt,
     ( Room > 0.0 -> B is V1 * V1 / (2 * Room) ; braking_limit(B) ).
 
-% -------------------------------------------------------------------------------------------- the speed that is safe
+% The speed that is safe
 
 % longitudinal_velocity(V): the highest speed to drive next: not above the lane's limit, to which a faster ego brakes comfortably.
 % Source: paper, v + a dt.
@@ -85,7 +85,7 @@ at_the_last(Gap, V1, V2) :-
     front_braking(B2), braking_limit(B), time_step(Dt),
     Gap + V2 * V2 / (2 * B2) - V1 * Dt =< V1 * V1 / (2 * B) + Dt * Dt.
 
-% ----------------------------------------------------------------------------------- the acceleration that is comfortable
+% The acceleration that is comfortable
 
 % comfortable_acceleration(A): the acceleration that a comfortable driver wants: the least of those that the limit and the vehicles in
 % front, or soon in front, suggest.

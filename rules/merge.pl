@@ -15,7 +15,7 @@
 
 :- dynamic(lane_end/2).
 
-% ---------------------------------------------------------------------------------------------------- parameters
+% Parameters
 
 % leaving_time(T): the time that a lane change takes until the ego's body is in the new lane alone, about 2.3 s, and some more.
 leaving_time(3.0).
@@ -26,7 +26,7 @@ hesitation(2.0).
 % crawling_speed(V): so slowly the ego may go on up to the end.
 crawling_speed(0.1).
 
-% ------------------------------------------------------------------------------------------- where the lane ends
+% Where the lane ends
 
 % room_to_end(Lane, Room): Lane, of the ego's direction, ends Room ahead of the ego's front bumper; negative behind it.
 room_to_end(Lane, Room) :-
@@ -42,7 +42,7 @@ end_in_way(Room) :-
     vehicle(ego, _, _, Y, _, _, _, Width), target_lane(Target), road_lane(Target, _, Centre, _, _),
     min(Y, Centre) - Width / 2 < High, max(Y, Centre) + Width / 2 > Low.
 
-% -------------------------------------------------------------------------------------------------- safe actions
+% Safe actions
 
 % safe_actions(Action): every action to which there is no objection. Keeping the lane is offered wherever no lane change is.
 safe_actions(Action) :- known_action(Action), \+ objection(Action, _).
@@ -73,7 +73,7 @@ entry_is_safe :- \+ obstacle(entry, _, _, _), \+ end_too_near.
 % end_too_near: the ego's lane ends nearer than a standing vehicle may be.
 end_too_near :- own_end(Room), speed(ego, V), required_gap(V, 0.0, Needed), Room =< Needed.
 
-% --------------------------------------------------------------------------------------------------------- speed
+% Speed
 
 % speed_limit(V): the limit of the lane that the ego is in, and in one that ends at most the speed from which the ego stops comfortably
 % before the end.

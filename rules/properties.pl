@@ -14,7 +14,7 @@
 :- discontiguous(property/2).
 :- discontiguous(violates/1).
 
-% ------------------------------------------------------------------------------------------------- lane changes
+% Lane changes
 
 property(lane_exists, 'a lane change is only offered to a side where the road has a lane').
 violates(lane_exists) :- spec_offered(Side), \+ spec_next_lane(Side, _, _, _).
@@ -60,7 +60,7 @@ violates(lane_to_keep) :-
 property(safe_entry, 'the ego never enters the road alongside a vehicle of its lane, or within one of these distances').
 violates(safe_entry) :- entry_is_safe, spec_in_own_lane(Car), spec_gap(Car, Offset, Gap), spec_too_near(Car, Offset, Gap).
 
-% ------------------------------------------------------------------------------------------------------- speed
+% Speed
 
 property(speed_in_limits,
     'there is a target speed, not negative and not above the lane''s limit; a faster ego brakes at least comfortably (2 m/s2)').
@@ -85,7 +85,7 @@ violates(nobody_overlooked) :- longitudinal_velocity(V), in(alone, longitudinal_
 property(front_is_free, 'the front is free exactly where no vehicle alone makes it busy').
 violates(front_is_free) :- front_is_free, \+ in(alone, front_is_free).
 
-% ------------------------------------------------------------------------------------------- observation, symmetry
+% Observation, symmetry
 
 % Programs without state_names/1 and state_bounds/1 have those of the paper: ten numbers from 0 to 1.
 property(observation_in_range, 'the observation is a number for each name, within its bounds').
@@ -123,7 +123,7 @@ spec_mirrored([Name|Names], [Number|Numbers], OtherNames, Others) :-
 spec_named(Name, [Name|_], [Number|_], Number).
 spec_named(Name, [_|Names], [_|Numbers], Number) :- spec_named(Name, Names, Numbers, Number).
 
-% ------------------------------------------------------------------------------- images; spec.pl has "alone" too
+% Images; spec.pl has "alone" too
 
 % mirrored: the scene in a mirror along the road.
 image(mirrored, vehicle(Id, Lane, X, Y1, Vx, Vy1, Length, Width),

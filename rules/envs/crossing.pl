@@ -19,7 +19,7 @@
 
 :- dynamic ego/3, speeds/3, aim/3, line/3, zone/11.
 
-% ---------------------------------------------------------------------------------------------------- parameters
+% Parameters
 
 % lag(L): the ego's speed approaches the one that it steers for with this time constant. Source: ControlledVehicle.TAU_ACC.
 % left(Quarter, F): what is left of the difference after so many quarters of a decision's second, exp(-Quarter / 4 / L).
@@ -46,7 +46,7 @@ gap_time(0.5).
 % near_line(D): how far before the line the ego takes up a gap in the traffic.
 near_line(35.0).
 
-% ------------------------------------------------------------------------------------------------ the ego's motion
+% The ego's motion
 
 % plan(Plan): what the ego does after an action. change(Plan, Decision, Change): its speed then, in steps from that of the action.
 plan(stop).
@@ -75,13 +75,13 @@ way(Plan, Aim, Step, S) :-
     Decision is max(1, (Step + 3) // 4), Quarter is Step - 4 * (Decision - 1),
     starts(Plan, Aim, Decision, S0, V0), steers_for(Plan, Aim, Decision, W), moves(V0, W, Quarter, S1, _), S is S0 + S1.
 
-% ----------------------------------------------------------------------------------------------- others' motion
+% Others' motion
 
 % fastest(V, Top, T, S), slowest(V, Alike, T, S): the farthest and the least that a vehicle at V may come within T.
 fastest(V, Top, T, S) :- speeds_up(A), S is min(V * T + A * T * T / 2, Top * T).
 slowest(V, Alike, T, S) :- alike(C), slows_down(B), ( Alike > C -> T1 is min(T, V / B), S is V * T1 - B * T1 * T1 / 2 ; S is V * T ).
 
-% ----------------------------------------------------------------------------------------------------- right of way
+% Right of way
 
 % has_way(Priority, Place): who is there has the right of way over the ego: it is in the crossing already, or comes on a road of higher
 % priority.
@@ -91,7 +91,7 @@ has_way(Priority, approach) :- ego(_, Priority0, approach), Priority > Priority0
 % lead(Priority, Place, T): how much earlier than who is there the ego must have left a zone.
 lead(Priority, Place, T) :- ( has_way(Priority, Place) -> gap_time(T) ; T = 0.0 ).
 
-% -------------------------------------------------------------------------------------------------------- conflicts
+% Conflicts
 
 % meets(Way, Aim, Plan, Car, Step): in that step the ego, steering for Aim on Way, and Car may be in a zone of theirs at once. Nobody drives
 % backwards: who is in a zone at some time of the step is in it or before its end at the beginning, and in it or past its beginning at the end.
@@ -115,7 +115,7 @@ ends_inside(Action, Plan) :-
 safe(Action) :- clear(Action, go).
 safe(Action) :- clear(Action, stop), \+ ends_inside(Action, stop).
 
-% ------------------------------------------------------------------------------------------------------------ actions
+% Actions
 
 % can_go: the ego can go faster, or on at its highest speed.
 can_go :- clear(faster, go).

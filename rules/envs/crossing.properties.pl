@@ -50,7 +50,7 @@ unknown(time_after, 0, 4, 'a time not before that, s').
 unknown(way_of_ego, 0, 300, 'how far the ego has come, m').
 unknown(way_of_car, 0, 300, 'how far another vehicle has come, m').
 
-% ---------------------------------------------------------------------------------------------------------- motion
+% Motion
 
 property(ego_between, 'at every time of a quarter of a second the ego is between where moves/5 has it at the beginning and at the end').
 violates(ego_between) :-
@@ -72,7 +72,7 @@ property(others_between, 'at every time another vehicle is between slowest/4 of 
 violates(others_between) :- spec_car(Alike, V, _, T, S), time_before(T0), T0 =< T, slowest(V, Alike, T0, Least), S < Least - 1.0e-6.
 violates(others_between) :- spec_car(_, V, Top, T, S), time_after(T1), T1 >= T, fastest(V, Top, T1, Most), S > Most + 1.0e-6.
 
-% ------------------------------------------------------------------------------------------------------- conflicts
+% Conflicts
 
 property(no_conflict, 'on a clear plan there is in no quarter of three seconds another vehicle in a zone while the ego may be in it').
 violates(no_conflict) :-

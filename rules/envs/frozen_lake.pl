@@ -34,7 +34,7 @@ objection(Move, falls_within(Steps, Chance)) :-
 % here(Cell).
 here(Row-Column) :- at(Row, Column).
 
-% ---------------------------------------------------------------------- where a move may end
+% Where a move may end
 
 % move(Move, Rows, Columns).
 move(left, 0, -1).
@@ -63,7 +63,7 @@ side(up, right).
 side(down, left).
 side(down, right).
 
-% ---------------------------------------------------------------------- sure ground
+% Sure ground
 
 % sure_ground(Cells): the greatest set that holds the goals and else cells with a sure way to one.
 sure_ground(Cells) :-
@@ -107,7 +107,7 @@ swept([Cell | Cells], Known, Ground, More, Left) :-
     ;   Left = [Cell | Others], swept(Cells, Known, Ground, More, Others)
     ).
 
-% ---------------------------------------------------------------------- elsewhere
+% Elsewhere
 
 % survival(Cell, Steps, Chance): the best chance of being in no hole after so many moves.
 survival(R-C, _, 0.0) :- hole(R, C).

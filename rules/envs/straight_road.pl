@@ -16,7 +16,7 @@
 
 :- dynamic ego/6, vehicle/9, aim/3, speeds/2, period/2.
 
-% ---------------------------------------------------------------------------------------------------- parameters
+% Parameters
 
 % lag(T): the ego's speed approaches the one that it steers for with this time constant. Source: ControlledVehicle.TAU_ACC.
 lag(0.6).
@@ -56,7 +56,7 @@ patience(20.0).
 lane_change(lane_left).
 lane_change(lane_right).
 
-% ------------------------------------------------------------------------------------------------ ways along the road
+% Ways along the road
 
 % way(V0, V, T, Fade, S), speed_after(V0, V, Fade, V1): how far the ego comes in T from V0 if it steers for V, and how fast it is then, where
 % Fade is what is left after T of the difference of speeds.
@@ -97,7 +97,7 @@ in_way(Action, Part, Car) :- strip(Action, Part, Low, High), band(Car, Low1, Hig
 ahead(Action, Part, Car, V, Gap) :-
     ego(X1, _, _, _, _, _), vehicle(Car, X2, _, V, _, _, _, _, _), X2 >= X1, in_way(Action, Part, Car), gap(Car, Gap).
 
-% ------------------------------------------------------------------------------------------------------------- dangers
+% Dangers
 
 % needed(Action, Part, V, Gap): the gap that the ego needs to a vehicle ahead that drives at V.
 needed(Action, Part, V, Gap) :-
@@ -126,7 +126,7 @@ too_near_behind(Action, Car, Gap, Needed) :-
 % safe(Action): Action is in no danger.
 safe(Action) :- aim(Action, _, _), \+ danger(Action, _).
 
-% --------------------------------------------------------------------------------------- vehicles that are too slow
+% Vehicles that are too slow
 
 % reached(Action, Car, T): the time until the ego, at its slowest, is at the bumper of a vehicle ahead that is slower.
 reached(Action, Car, T) :- speeds(Low, _), ahead(Action, stays, Car, V, Gap), V < Low, room(leaves, D), T is max(0.0, Gap - D) / (Low - V).
@@ -158,7 +158,7 @@ squeezed(Action) :-
     ahead(Action, leaves, _, V, Gap), ego_way(Action, squeezes, T, S1), braking(squeezes, B), braking_way(V, B, T, S2), room(squeezes, D),
     Gap < S1 - S2 + D.
 
-% ------------------------------------------------------------------------------------------------------------ actions
+% Actions
 
 % offered(Action): all good actions; without one the ways out; without one to go slower.
 offered(Action) :- good(Action).

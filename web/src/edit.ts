@@ -200,7 +200,7 @@ export class Editor {
     }
   }
 
-  // ------------------------------------------------------------------ pointer and keys
+  // Pointer and keys
 
   private at(event: PointerEvent): { camera: Camera; left: number; top: number } | null {
     const camera = this.view.camera();

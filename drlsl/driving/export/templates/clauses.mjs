@@ -1,5 +1,5 @@
 
-// ---------------------------------------------------------------------------------------------------- the clauses
+// The clauses
 
 // decide(scene), and besides for each reason in unsafe_actions the number of the clause that gives it, -1 if none is known.
 export function decide_with_clauses(scene) {

@@ -1,4 +1,4 @@
-% ------------------------------------------------------------------------------------------- what ISO Prolog lacks
+% What ISO Prolog lacks
 
 drlsl_forall(Condition, Action) :- \+ (call(Condition), \+ call(Action)).
 

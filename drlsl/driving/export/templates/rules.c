@@ -30,10 +30,10 @@ const drlsl_road DRLSL_ROAD = {
 
 static const double observation_bounds[DRLSL_OBSERVATION][2] = {@BOUNDS@};
 
-/* ------------------------------------------------------------------------------------------------ generated code */
+/* Generated code */
 
 @PROGRAM@
-/* ------------------------------------------------------------------------------------------------ the scene */
+/* The scene */
 
 int32_t drlsl_lane_at(const drlsl_road *road, double y)
 {
@@ -86,7 +86,7 @@ static bool is_seen(const drlsl_scene *scene, const drlsl_vehicle *vehicle)
 }
 
 @FILLS@
-/* ------------------------------------------------------------------------------------------------ the decision */
+/* The decision */
 
 static drlsl_status fail_safe(
     const drlsl_scene *scene, drlsl_decision *decision, drlsl_status status, drlsl_problem problem)

@@ -46,7 +46,7 @@ export function decide(scene) {
 
 const UNDECIDED = "only the interpreter can tell: a number is too large, or an operation of the rules may have no value here";
 
-// ---------------------------------------------------------------------------------------------------- the scene
+// The scene
 
 function scene_of(scene) {
   const { road, ego, vehicles = [] } = object_of(scene, "the scene", ["road", "ego", "vehicles"]);
@@ -142,7 +142,7 @@ function refuse_twins(names, place, what) {
   if (twin !== undefined) throw new Problem(`${place} has ${twin} more than once; each ${what} needs an id of its own`);
 }
 
-// ---------------------------------------------------------------------------------------------------- the facts
+// The facts
 
 function facts_of({ lanes, time_step, radar_range, ego, vehicles, target_lane }) {
   const seen = vehicles.filter(({ x, y }) => {
@@ -163,7 +163,7 @@ function facts_of({ lanes, time_step, radar_range, ego, vehicles, target_lane })
   };
 }
 
-// ---------------------------------------------------------------------------------------------------- the decision
+// The decision
 
 function decision_of(read, facts, answers) {
   const [offered, speed, observation, front_is_free, ...more] = answers;
@@ -213,7 +213,7 @@ function fail_safe({ ego, target_lane, time_step }) {
   };
 }
 
-// ---------------------------------------------------------------------------------------------------- the reasons
+// The reasons
 
 function reasons_of(facts, safe_actions) {
   const refused = actions.filter((action) => !safe_actions.includes(action));
@@ -260,7 +260,7 @@ function code(letter) {
   return letter.codePointAt(0);
 }
 
-// ---------------------------------------------------------------------------------------------------- generated code
+// Generated code
 
 @SUPPORT@
 @PROGRAM@
