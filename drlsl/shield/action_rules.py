@@ -14,13 +14,13 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.errors import UserError
-from drlsl.logic import Engine, Limits, Variable
+from drlsl.logic import Compound, Engine, Limits, Variable
 from drlsl.logic.terms import Atom
 from drlsl.lowering import find_mistakes
 from drlsl.lowering.backends import compile_scalar
 from drlsl.lowering.frontend import Query, lower
 from drlsl.lowering.ir import Kind, NotLowerable, Schema, Undecided
-from drlsl.shield.asked import clauses_about_others, read_asked
+from drlsl.shield.asked import clauses_about_others, read_asked, with_arguments
 from drlsl.shield.fact_batch import ManyFacts, count_of, facts_of_one
 from drlsl.shield.fact_forms import FactForms, Facts
 from drlsl.shield.offer_tiers import ArrayTier, BySize, Found, InterpretedTier, OfferTier, ScalarTier, States
@@ -384,6 +384,8 @@ class ActionRules:
             raise UserError(
                 f"{self._ask}: an action is a variable without a value; names begin in lower case"
             )
+        if isinstance(action, Compound):
+            raise UserError(f"{self._ask}: {with_arguments(action.name, len(action.args))}")
         if place is None:
             raise UserError(f"{self._ask}: {self._problem_with(self._engine.format(action))}")
         return place

@@ -10,6 +10,14 @@ from drlsl.logic import Engine, PrologError
 from drlsl.logic.terms import Atom, Struct, Var, deref, format_term
 
 
+def with_arguments(name: str, arity: int) -> str:
+    """Return the problem with an action that is a term with arguments."""
+    return (
+        f"the rules name the action {name}/{arity}, a term with arguments; an action is a name alone, "
+        f"such as {name}_left"
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Asked:
     """A goal whose arguments are variables, each another; `action` is the place of the action."""
@@ -59,6 +67,9 @@ def clauses_about_others(
         assert isinstance(head, Struct)
         action = deref(head.args[asked.action])
         if isinstance(action, Var):
+            continue
+        if isinstance(action, Struct):
+            yield str(clause.span or "asserted"), f"{asked}: {with_arguments(action.name, len(action.args))}"
             continue
         name = action.name if isinstance(action, Atom) else format_term(action, engine.operators)
         if problem := problem_with(name):

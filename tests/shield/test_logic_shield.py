@@ -198,6 +198,14 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
         "rigt",
     ),
     "unknown action in an objection": ({"rules": "offered(left). objection(up, _)."}, "objection/2: .* up"),
+    "an action with arguments in a head": (
+        {"rules": "offered(go(X, _)) :- member(X, [1, 2])."},
+        "^rules:1: offered/1: the rules name the action go/2, a term with arguments; .*such as go_left$",
+    ),
+    "an action with arguments in an objection": (
+        {"rules": "offered(left). objection(go(X), far) :- X > 1."},
+        "^rules:1: objection/2: the rules name the action go/1, a term",
+    ),
     "an action that is a number": ({"rules": "offered(2)."}, "the action 2"),
     "nothing to ask": ({"rules": "p."}, "do not define offered/1"),
     "another ask": ({"ask": "safe(X)"}, "do not define safe/1"),
@@ -414,6 +422,12 @@ def test_many_states_in_which_rules_fail_are_told_once(caplog: pytest.LogCapture
 def test_an_action_without_a_value_is_refused() -> None:
     env = shielded(rules=":- dynamic at/1, cliff/2.\noffered(Stay) :- at(_).")
     with pytest.raises(UserError, match="an action is a variable without a value; names begin in lower case"):
+        env.reset(seed=0)
+
+
+def test_an_action_with_arguments_is_refused() -> None:
+    env = shielded(rules=":- dynamic at/1, cliff/2.\noffered(A) :- at(X), member(A, [go(X), left]).")
+    with pytest.raises(UserError, match=r"^offered/1: the rules name the action go/1, a term with arguments"):
         env.reset(seed=0)
 
 
