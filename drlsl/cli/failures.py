@@ -9,7 +9,7 @@ from contextlib import contextmanager
 @contextmanager
 def failures_as_errors(*, what: str = "") -> Iterator[None]:
     """Turn an error of rules without a usable answer into a `UserError` of one line."""
-    from drlsl.driving.shield import LIMITS, RuleFailure
+    from drlsl.driving.shield import RuleFailure
     from drlsl.errors import UserError
     from drlsl.logic import LimitExceeded
 
@@ -18,7 +18,4 @@ def failures_as_errors(*, what: str = "") -> Iterator[None]:
     except RuleFailure as failure:
         raise UserError(f"{failure}; on the road the ego would keep its lane and brake") from failure
     except LimitExceeded as error:
-        bound = f"{LIMITS.inferences:,} inferences"
-        if error.message() != "resource error: inferences":
-            bound = f"a limit ({error.message()})"
-        raise UserError(f"gave up{what}: it went beyond {bound}") from error
+        raise UserError(f"gave up{what}: it went beyond {error.bound}") from error

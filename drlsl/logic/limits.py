@@ -19,6 +19,12 @@ class LimitExceeded(ResourceError):
     """A query went beyond its `Limits`. The program cannot catch it; the engine stays usable."""
 
     catchable = False
+    bound = ""
+    """The limit in words, such as 1,000 inferences."""
+
+    def message(self) -> str:
+        """Return the limit that was not enough."""
+        return f"resource error: more than {self.bound}" if self.bound else super().message()
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ _CLEANUP_INFERENCES: Final = 1_000
 def exceeded(resource: str, bound: str) -> LimitExceeded:
     """Return the error of a query that went beyond one of its limits."""
     error = LimitExceeded(resource_error(resource).term)
-    error.add_note(f"The query went beyond its limit of {bound}.")
+    error.bound = bound
     return error
 
 
@@ -237,14 +243,14 @@ class Meter:
     def _check_inferences(self) -> None:
         most = self._most
         if most is not None and self.inferences + self._steps // _STEPS_OF_INFERENCE >= most:
-            raise exceeded("inferences", f"{self.limits.inferences} inferences")
+            raise exceeded("inferences", f"{self.limits.inferences:,} inferences")
 
     def _check_time(self, more: float) -> None:
         if self._deadline is not None and time.monotonic() + more > self._deadline:
             raise self._late()
 
     def _late(self) -> LimitExceeded:
-        return exceeded("seconds", f"{self.limits.seconds} s")
+        return exceeded("seconds", f"{self.limits.seconds} seconds")
 
     def _check_room(self, more: int) -> None:
         room = self._room
@@ -254,7 +260,7 @@ class Meter:
         if self._base is None:
             self._base = held
         if max(0, held - self._base) + more > room:
-            raise exceeded("memory", f"{self.limits.memory} bytes")
+            raise exceeded("memory", f"{self.limits.memory:,} bytes of memory")
 
 
 def resident_bytes() -> int:

@@ -60,7 +60,12 @@ class Interpreter:
         """
         try:
             return tuple(self._answer(*one) for one in self._queries)
-        except (PrologError, LimitExceeded) as error:
+        except LimitExceeded as error:
+            raise RuleFailure(
+                f"the rules went beyond the limit of {error.bound} for one question; "
+                "does a predicate call itself without end?"
+            ) from error
+        except PrologError as error:
             raise RuleFailure(f"the rules raised an error: {error}") from error
 
     def _answer(self, query: Asked, variables: Sequence[str], goal: Any) -> Any:

@@ -90,8 +90,9 @@ def test_an_exhausted_limit_is_an_error_that_no_catch_takes(
     with pytest.raises(LimitExceeded) as raised:
         engine.once(around.format(goal), limits=limits)
     assert isinstance(raised.value, ResourceError)
-    assert raised.value.message() == f"resource error: {resource}"
-    assert str(getattr(limits, resource)) in raised.value.__notes__[0]
+    assert ResourceError.message(raised.value) == f"resource error: {resource}"
+    assert raised.value.message() == f"resource error: more than {raised.value.bound}"
+    assert str(getattr(limits, resource)) in raised.value.bound.replace(",", "")
     check_usable(engine)
 
 

@@ -208,7 +208,10 @@ def test_limits_hold_for_each_decision() -> None:
         assert rules.offer({("n", 1): [(100,)]}).actions == ("left",)
         failed = rules.offer({("n", 1): [(100_000,)]})
         assert failed.actions == ("keep",)
-        assert failed.failure == "the rules raised an error: resource error: inferences"
+        assert failed.failure == (
+            "the rules went beyond the limit of 1,000 inferences for one question; "
+            "does a predicate call itself without end?"
+        )
     assert rules.counts.fail_safes == 3
 
 

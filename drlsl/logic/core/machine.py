@@ -171,7 +171,7 @@ class Machine:
                 task = self._handle(representation_error("acyclic_term"))
             except MemoryError:
                 self.meter.allow_cleanup()
-                raise LimitExceeded(resource_error("memory").term) from None
+                raise exceeded("memory", "the memory there is") from None
 
     def retry(self) -> bool:
         """Search another solution after `solve` found one."""
@@ -276,7 +276,7 @@ class Machine:
         if limits.depth is not None and self._depth_at <= 0:
             depth = _depth(task)
             if depth > limits.depth:
-                raise exceeded("depth", f"{limits.depth} nested calls")
+                raise exceeded("depth", f"{limits.depth:,} calls in depth")
             # A call deepens the search by at most one, so no limit can be exceeded before this.
             self._depth_at = max(limits.depth - depth, limits.depth // 8)
         self._next_slice()
@@ -314,7 +314,7 @@ class Machine:
             self._trail_at = size + max(_COMPACT_TRAIL, size - start)
         most = self.limits.trail
         if most is not None and size + len(self.choices) > most:
-            raise exceeded("trail", f"{most} bindings and choice points")
+            raise exceeded("trail", f"{most:,} bindings and choice points")
 
 
 def _depth(task: Task | None) -> int:

@@ -23,7 +23,6 @@ from drlsl.logic.core import (
     Goal,
     Host,
     IfThenElse,
-    LimitExceeded,
     Limits,
     Machine,
     Negation,
@@ -42,7 +41,7 @@ from drlsl.logic.core import (
 )
 from drlsl.logic.errors import resource_error
 from drlsl.logic.explain.explanation import Explanation, Step, shown, value
-from drlsl.logic.limits import Meter
+from drlsl.logic.limits import Meter, exceeded
 from drlsl.logic.syntax import Span
 from drlsl.logic.terms import TRUE, Term, Var, deref
 
@@ -215,7 +214,7 @@ class _Search:
         """Return the proofs of one goal in the body of `frame`."""
         self.tried += 1
         if self.tried > MAX_GOALS:
-            raise LimitExceeded(resource_error("goals of an explanation").term)
+            raise exceeded("goals", f"{MAX_GOALS:,} goals of an explanation")
         match goal.goal:
             case Call(name, args):
                 if (name, len(args)) == ("call", 1):
