@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
 from drlsl.errors import UserError
 from drlsl.masks import settle
@@ -27,17 +28,24 @@ def of_each(facts: Callable[[Any], Facts]) -> Callable[[Any], list[Facts]]:
         UserError: `facts` is no function. What is returned raises one where the vector environment is of
             another class, or `facts` raises an error, and says in which environment.
     """
-    check_facts_function(facts)
+    return partial(_facts_of_all, check_facts_function(facts))
 
-    def facts_of_all(envs: Any) -> list[Facts]:
-        if not isinstance(envs, SyncVectorEnv):
-            raise UserError(
-                f"facts of each environment are asked of {type(envs).__name__}, and only a SyncVectorEnv has "
-                "them at hand; shield each by itself: wrappers=[lambda env: LogicShield(env, ...)]"
-            )
-        return [told_facts(facts, env.unwrapped, f"of environment {at}") for at, env in enumerate(envs.envs)]
 
-    return facts_of_all
+def _facts_of_all(facts: Callable[[Any], Facts], envs: Any) -> list[Facts]:
+    """Return the facts of each environment of a `SyncVectorEnv`.
+
+    Raises:
+        UserError: the vector environment is of another class, or `facts` raises an error.
+    """
+    if not isinstance(envs, SyncVectorEnv):
+        instead = "shield each by itself: wrappers=[lambda env: LogicShield(env, ...)]"
+        if not isinstance(envs, AsyncVectorEnv):
+            instead = 'make it with vectorization_mode="sync"'
+        raise UserError(
+            f"facts of each environment are asked of {type(envs).__name__}, and only a SyncVectorEnv has "
+            f"them at hand; {instead}"
+        )
+    return [told_facts(facts, env.unwrapped, f"of environment {at}") for at, env in enumerate(envs.envs)]
 
 
 class LogicVectorShield(Shielding[VectorEnv[Any, Any, Any], ManyFacts], VectorWrapper, RecordConstructorArgs):

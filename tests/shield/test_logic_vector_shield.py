@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
@@ -195,6 +197,24 @@ def test_it_is_told_of_which_environment_facts_raised() -> None:
     raising = env.envs[3].unwrapped
     envs = LogicVectorShield(env, RULES, facts=of_each(failing), **SETTINGS)
     with pytest.raises(UserError, match="facts of environment 3 raised KeyError: 'lost'"):
+        envs.reset(seed=0)
+
+
+def test_a_shield_of_many_can_be_pickled() -> None:
+    envs = LogicVectorShield(walks(), RULES, facts=of_each(facts), **SETTINGS)
+    envs.reset(seed=0)
+    twin: Any = pickle.loads(pickle.dumps(envs))  # noqa: S301
+    for action in (STAY, LEFT):
+        actions = np.full(COUNT, action)
+        assert str(envs.step(actions)) == str(twin.step(actions))
+
+
+def test_environments_that_are_one_object_are_made_one_by_one() -> None:
+    made = gymnasium.make_vec("CartPole-v1", num_envs=2)
+    envs = LogicVectorShield(
+        made, "offered(left).", actions={"left": 0}, facts=of_each(facts), fallback="left"
+    )
+    with pytest.raises(UserError, match=r'of CartPoleVectorEnv, .* with vectorization_mode="sync"'):
         envs.reset(seed=0)
 
 
