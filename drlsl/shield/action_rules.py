@@ -99,6 +99,8 @@ class ActionRules:
         self._tier_name = check_tier(tier)
         self._query = Query(self._ask.name, 1, "set")
         self._why = Query(self._reasons.name, 2, "all")
+        if not isinstance(limits, Limits):
+            raise UserError(f"limits is {limits!r:.80}; expected drlsl.logic.Limits(inferences=100_000)")
         self._limits = limits
         self._known: StateMemory[Offer] = StateMemory(remember)
         self._known_reasons: StateMemory[Sequence[tuple[Any, ...]]] = StateMemory(remember)

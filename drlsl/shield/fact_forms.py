@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import Any, Final, TypeAlias
+
+import numpy as np
 
 from drlsl.errors import UserError
 from drlsl.logic import Engine
@@ -101,11 +104,10 @@ class FactForms:
             if not (isinstance(key, tuple) and len(key) == 2):
                 raise UserError(f"facts are given of {key!r:.80}; expected (name, arity), such as ('car', 3)")
         for name, arity in facts.keys() - self.keys:
-            known = [other for other in sorted(self.keys) if other[0] == name]
-            there = (
-                f"declared is {_text(known[0])}" if known else f"declare it by `:- dynamic {name}/{arity}.`"
+            raise UserError(
+                f"facts of {name}/{arity} are given, which the rules do not declare; "
+                f"{self._instead(name, arity)}"
             )
-            raise UserError(f"facts of {name}/{arity} are given, which the rules do not declare; {there}")
         missing = self.keys - facts.keys() - self._optional
         if missing:
             raise UserError(
@@ -113,6 +115,15 @@ class FactForms:
             )
         self.keys = frozenset(facts)  # the program has facts of its own for the others
         self._kinds = {key: kinds for key, kinds in self._kinds.items() if key in self.keys}
+
+    def _instead(self, name: str, arity: int) -> str:
+        """Return what may be meant by facts that are not declared."""
+        declared = dict(sorted(self.keys, reverse=True))
+        if name in declared:
+            return f"declared is {name}/{declared[name]}"
+        for near in get_close_matches(str(name), list(declared), 1):
+            return f"did you mean {near}/{declared[near]}?"
+        return f"declare it by `:- dynamic {name}/{arity}.`"
 
     def conformed(self, facts: Facts) -> dict[Key, list[tuple[Any, ...]]]:
         """Return facts with every value of its column's kind.
@@ -180,7 +191,7 @@ def _kind(key: Key, place: int, column: Iterable[Any]) -> Kind:
         if kind is None:
             hint = (
                 "; for what holds or not give a fact of arity 0, [()] or []"
-                if isinstance(value, bool)
+                if isinstance(value, bool | np.bool_)
                 else ""
             )
             raise UserError(f"column {place} of {_text(key)} is {value!r:.80}; {_EXPECTED}{hint}")

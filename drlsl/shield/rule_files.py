@@ -75,14 +75,18 @@ def loaded(rules: Rules) -> Engine:
     A string is a file if it ends in `.pl` and is one line.
 
     Raises:
-        UserError: a file cannot be read, or is not a valid program.
+        UserError: a file cannot be read, or is not a valid program, or `rules` is neither files nor a text.
     """
+    if not isinstance(rules, str | Path | Sequence):
+        raise UserError(f"rules is {rules!r:.80}; expected a rule file, several, or the text of a program")
     engine = Engine()
     try:
         if isinstance(rules, str) and not (rules.endswith(".pl") and "\n" not in rules):
             engine.consult_text(rules, "rules", limits=LOADING)
         else:
             for path in [rules] if isinstance(rules, str | Path) else rules:
+                if not isinstance(path, str | Path):
+                    raise UserError(f"rules has {path!r:.80}; expected the path of a rule file")
                 consult_rules(engine, path)
     except PrologError as error:
         raise UserError(f"the rules cannot be loaded: {error}") from error

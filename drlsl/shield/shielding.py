@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from math import inf
+from numbers import Real
 from typing import Any, Final, Generic, TypeVar
 
 import gymnasium
 from gymnasium.utils import RecordConstructorArgs
 
+from drlsl.errors import UserError
 from drlsl.logic import Limits
 from drlsl.lowering.ir import Schema
 from drlsl.masks import check_mode
@@ -79,7 +82,7 @@ class Shielding(Generic[_Env, _Facts]):
         self._actions = NamedActions.of(self._action_space_of(env), actions)
         self._mode = check_mode(mode)
         self._facts_of = check_facts_function(facts)
-        self._penalty = float(penalty)
+        self._penalty = _checked_penalty(penalty)
         self.rules: Final = ActionRules(
             rules,
             self._actions.names,
@@ -108,3 +111,14 @@ class Shielding(Generic[_Env, _Facts]):
     def counts(self) -> Counts:
         """The counts of decisions, of those for which the rules failed, and of actions not offered."""
         return self.rules.counts
+
+
+def _checked_penalty(penalty: Any) -> float:
+    """Return a penalty.
+
+    Raises:
+        UserError: it is no number, or would be a reward.
+    """
+    if isinstance(penalty, bool) or not isinstance(penalty, Real) or not 0.0 <= float(penalty) < inf:
+        raise UserError(f"penalty is {penalty!r}; expected a number from 0 on, which is taken off the reward")
+    return float(penalty)

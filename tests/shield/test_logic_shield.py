@@ -223,6 +223,12 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "an action that is no number": ({"actions": {"stay": "2"}}, "stay is '2'"),
     "no actions": ({"actions": {}}, "there are none"),
     "facts that are none": ({"facts": {}}, "expected a function"),
+    "rules that are none": ({"rules": None}, "^rules is None; expected a rule file, several, or the text of"),
+    "rules of which one is none": ({"rules": ["highway.pl", 3]}, "^rules has 3; expected the path of a rule"),
+    "limits that are none": ({"limits": 5}, r"^limits is 5; expected drlsl.logic.Limits\("),
+    "a penalty that rewards": ({"penalty": -1.0}, r"^penalty is -1.0; expected a number from 0 on"),
+    "a penalty that is no number": ({"penalty": "1"}, "^penalty is '1'; expected"),
+    "a penalty that is NaN": ({"penalty": float("nan")}, "^penalty is nan; expected"),
     "a tier that cannot run them": (
         {
             "rules": ":- dynamic at/1.\noffered(left) :- at(N), p(N). p(N) :- p(N).",
@@ -259,6 +265,8 @@ WRONG_FACTS: dict[str, tuple[Any, str]] = {
     "with a short row": ({("at", 1): [()], ("cliff", 2): []}, "a row of at/1 is"),
     "with no rows": ({("at", 1): [1], ("cliff", 2): []}, "a row of at/1 is 1"),
     "with None": ({("at", 1): [(None,)], ("cliff", 2): []}, "column 0 of at/1 is None"),
+    "with a bool of NumPy": ({("at", 1): [(np.True_,)], ("cliff", 2): []}, "is np.True_; .*arity 0"),
+    "misspelt": ({("att", 1): [(1,)], ("cliff", 2): []}, r"of att/1 are given, .*; did you mean at/1\?$"),
     "with a bool": ({("at", 1): [(True,)], ("cliff", 2): []}, "column 0 of at/1 is True; .*arity 0"),
     "that are no rows": ({("at", 1): 1, ("cliff", 2): []}, "facts of at/1 are 1; expected a list of rows"),
     "that are a text": ({("at", 1): "a", ("cliff", 2): []}, "facts of at/1 are 'a'; expected a list of rows"),
