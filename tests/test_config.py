@@ -154,7 +154,12 @@ def test_an_unknown_key_names_its_place_and_the_nearest(text: str, message: str,
         ("method: mps\n", ":1:1: method: ", "'dqn', 'mpsdqn' or 'dqnsl', got 'mps'"),
         ("learning:\n  learning_starts: 5\n", ":1:1: learning: ", "batch_size <= learning_starts"),
         ("env:\n  track_length: -1\n", ":2:3: env.track_length: ", "greater than 0"),
-        ("learning: 7\n", ":1:1: learning: ", "got 7"),
+        ("learning: 7\n", ":1:1: learning: ", "input should be keys with values, got 7"),
+        (
+            "env:\n  rules: my.pl\n",
+            ":2:3: env.rules: ",
+            "input should be a list, such as ['my.pl'], got 'my.pl'",
+        ),
     ],
 )
 def test_a_bad_value_names_its_place_and_bound(text: str, place: str, part: str, tmp_path: Path) -> None:

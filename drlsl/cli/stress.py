@@ -172,13 +172,14 @@ def _config(**settings: Any) -> EnvConfig:
 
     from drlsl.driving import EnvConfig
     from drlsl.errors import UserError
+    from drlsl.files import reason_of
 
     try:
         return EnvConfig(**settings)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         flag = {"prediction_horizon": "horizon"}.get(str(first["loc"][-1]), str(first["loc"][-1]))
-        raise UserError(f"--{flag.replace('_', '-')}: {first['msg']}, got {first['input']!r}") from error
+        raise UserError(f"--{flag.replace('_', '-')}: {reason_of(first)}, got {first['input']!r}") from error
 
 
 def _parameters(driver: str | None, settings: list[str] | None, policy: str) -> dict[str, Any]:

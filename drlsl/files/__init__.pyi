@@ -3,7 +3,7 @@ from .extras import needed
 from .lock import FolderLock
 from .parquet_table import parquet_library, read_metadata, read_table, write_table
 from .plain_text import parse_json, printable, read_text, to_json
-from .problems import problem_text
+from .problems import problem_text, reason_of, section_of, setting_path
 from .seal import (
     DamagedError,
     check_text,
@@ -40,11 +40,14 @@ __all__ = [
     "read_table",
     "read_text",
     "read_yaml",
+    "reason_of",
     "refuse_while_loading",
     "scratch_beside",
     "seal_archive",
     "seal_text",
     "seal_values",
+    "section_of",
+    "setting_path",
     "shown",
     "to_json",
     "to_yaml",

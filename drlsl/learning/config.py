@@ -3,7 +3,7 @@
 import difflib
 import importlib.resources
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 
 from drlsl.driving import EnvConfig, Section
 from drlsl.errors import UserError
-from drlsl.files import YamlFile, parse_yaml, read_yaml, shown, to_yaml
+from drlsl.files import YamlFile, parse_yaml, read_yaml, reason_of, section_of, setting_path, shown, to_yaml
 
 Method = Literal["dqn", "mpsdqn", "dqnsl"]
 Bootstrap = Literal["all", "safe"]
@@ -368,15 +368,11 @@ def dump_yaml(config: TrainConfig) -> str:
 def describe_keys(model: type[BaseModel] = TrainConfig, path: str = "") -> Iterator[tuple[str, str]]:
     """Yield dotted path and description of each setting, in order."""
     for name, field in model.model_fields.items():
-        section = _section(field.annotation)
+        section = section_of(field.annotation)
         if section is None:
             yield f"{path}{name}", field.description or ""
         else:
             yield from describe_keys(section, f"{path}{name}.")
-
-
-def _section(annotation: object) -> type[BaseModel] | None:
-    return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
 
 
 def _unknown_keys(model: type[BaseModel], values: Mapping[Any, Any], path: str = "") -> Iterator[str]:
@@ -384,7 +380,7 @@ def _unknown_keys(model: type[BaseModel], values: Mapping[Any, Any], path: str =
         if key not in model.model_fields:
             yield f"{path}{key}"
             continue
-        section = _section(model.model_fields[key].annotation)
+        section = section_of(model.model_fields[key].annotation)
         if section is not None and isinstance(value, Mapping):
             yield from _unknown_keys(section, value, f"{path}{key}.")
 
@@ -408,24 +404,10 @@ def _ratio(one: str, other: str) -> float:
 
 
 def _explain(problem: ErrorDetails, source: str, file: YamlFile | None) -> str:
-    path = _dotted(problem["loc"])
-    text = problem["msg"].removeprefix("Value error, ")
+    path = setting_path(TrainConfig, problem["loc"])
     value = problem["input"]
     got = "" if isinstance(value, Mapping | BaseModel) else f", got {shown(value)}"
-    return f"{_where(source, file, path)}{path}: {text[:1].lower()}{text[1:]}{got}"
-
-
-def _dotted(location: Iterable[int | str]) -> str:
-    """Return the path of a value without the names that pydantic gives the alternatives of its type."""
-    model: type[BaseModel] | None = TrainConfig
-    parts: list[str] = []
-    for part in location:
-        if isinstance(part, int):
-            parts.append(str(part))
-        elif model is not None and part in model.model_fields:
-            parts.append(part)
-            model = _section(model.model_fields[part].annotation)
-    return ".".join(parts)
+    return f"{_where(source, file, path)}{path}: {reason_of(problem)}{got}"
 
 
 def _where(source: str, file: YamlFile | None, path: str) -> str:

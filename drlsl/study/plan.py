@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 from drlsl.driving import EnvConfig, Section
 from drlsl.driving.drivers import DRIVERS, KEEP, is_driver, make_driver
 from drlsl.errors import UserError
-from drlsl.files import parse_yaml, read_yaml, to_yaml
+from drlsl.files import parse_yaml, read_yaml, reason_of, to_yaml
 from drlsl.learning import (
     PpoConfig,
     TrainConfig,
@@ -141,7 +141,7 @@ class StudyConfig(Section):
                 self.sweep_envs(self.runs[0], name)
             except ValidationError as error:
                 problem = error.errors()[0]
-                raise ValueError(f"sweep {name}: env.{sweep.setting}: {problem['msg']}") from error
+                raise ValueError(f"sweep {name}: env.{sweep.setting}: {reason_of(problem)}") from error
             trained = {self._trained_value(name, run) for run in self.runs[: len(self.methods)]}
             if len(trained) > 1:
                 raise ValueError(f"sweep {name}: the methods were trained with unlike env.{sweep.setting}")
@@ -290,9 +290,7 @@ def make_study(values: Mapping[str, Any], source: str) -> StudyConfig:
         return StudyConfig.model_validate(values)
     except ValidationError as error:
         problems = (
-            f"{'.'.join(map(str, item['loc']))}: {item['msg'].removeprefix('Value error, ')}".removeprefix(
-                ": "
-            )
+            f"{'.'.join(map(str, item['loc']))}: {reason_of(item)}".removeprefix(": ")
             for item in error.errors()
         )
         raise UserError(f"{source}: {'; '.join(problems)}") from error

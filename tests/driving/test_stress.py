@@ -207,7 +207,7 @@ def test_drivers_by_flag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["--driver", "mobil", "--policy", "random"], "--driver and --policy: expected one of them"),
         (["--set", "driver.threshold=0"], "--set: expected parameters of --driver"),
         (["--driver", "mobil", "--set", "env.traffic=reactive"], "--set: expected parameters of --driver"),
-        (["--driver", "mobil", "--set", "driver.speed=1"], "driver mobil: speed: Extra inputs"),
+        (["--driver", "mobil", "--set", "driver.speed=1"], "driver mobil: speed: there is no such"),
         (["--driver", "nobody"], "nobody: no run here"),
         (["--decision-period", "0.05"], "decision_period 0.05 s is no multiple"),
     ],
@@ -264,7 +264,7 @@ def test_json_counts_for_all_policies_and_for_each(capsys: pytest.CaptureFixture
 
 def test_numbers_out_of_range_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["stress", "freeway", "--drop-rate", "1.5"]) == 2
-    assert "--drop-rate: Input should be less than 1, got 1.5" in capsys.readouterr().err
+    assert "--drop-rate: input should be less than 1, got 1.5" in capsys.readouterr().err
     assert run(["stress", "freeway", "--offers", "prediction", "--horizon", "0"]) == 2
     assert "--horizon" in capsys.readouterr().err
 

@@ -115,7 +115,7 @@ def test_settings_of_a_driver_and_of_its_road(capsys: pytest.CaptureFixture[str]
     (found,) = evaluated(capsys, "mobil", "--shield", "on", *free)["evaluations"]
     assert found["env"]["traffic"] == "reactive"
     for wrong, message in (
-        ("driver.speed=1", "driver mobil: speed: Extra inputs are not permitted; its parameters: politeness"),
+        ("driver.speed=1", "driver mobil: speed: there is no such setting; its parameters: politeness"),
         ("method=dqn", "--set: expected settings of env or of the driver"),
         ("driver=1", "--set: expected settings of env or of the driver"),
         ("env.speed=1", "env.speed"),

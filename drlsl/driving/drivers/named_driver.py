@@ -17,7 +17,7 @@ from drlsl.driving.drivers.mobil import Mobil
 from drlsl.driving.drivers.oracle import Oracle
 from drlsl.driving.scene import Action
 from drlsl.errors import UserError
-from drlsl.files import find_object, users_code
+from drlsl.files import find_object, reason_of, users_code
 
 KEEP: Final = "keep"
 """The driver whose time the others are compared with."""
@@ -112,7 +112,7 @@ def _shipped(name: str, arguments: Mapping[str, Any]) -> Driver:
         problem = error.errors()[0]
         key = ".".join(map(str, problem["loc"]))
         known = ", ".join(kind.model_fields) or "none"
-        raise UserError(f"driver {name}: {key}: {problem['msg']}; its parameters: {known}") from error
+        raise UserError(f"driver {name}: {key}: {reason_of(problem)}; its parameters: {known}") from error
     driver: Driver = made
     return driver
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from drlsl.driving.config import EnvConfig
 from drlsl.errors import UserError
-from drlsl.files import problem_text
+from drlsl.files import problem_text, setting_path
 
 
 def config_of(who: str, settings: Mapping[str, Any], others: Sequence[str]) -> EnvConfig:
@@ -35,7 +35,8 @@ def config_of(who: str, settings: Mapping[str, Any], others: Sequence[str]) -> E
         return EnvConfig(**settings)
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in problem["loc"])
+        unknown = problem["type"] == "extra_forbidden"
+        place = ".".join(map(str, problem["loc"])) if unknown else setting_path(EnvConfig, problem["loc"])
         raise UserError(f"{who}: {problem_text(problem, place, 'is not a setting')}") from error
 
 
