@@ -115,7 +115,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         status = command.main(args=arguments, prog_name="drlsl", standalone_mode=False)
     except CLICK_ERROR as error:
-        return _explain(error.format_message(), getattr(error, "ctx", None))
+        return _explain(_message(error), getattr(error, "ctx", None))
     except UserError as error:
         return _refuse(str(error))
     except PrologError as error:
@@ -125,13 +125,27 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _message(error: Any) -> str:
+    """Return what is wrong with the command line, in a sentence."""
+    from pydantic import ValidationError
+
+    from drlsl.files import reason_of
+
+    if isinstance(error.__cause__, ValidationError):
+        problem = error.__cause__.errors(include_url=False)[0]
+        got = "" if problem["type"] == "value_error" else f", got {problem['input']!r}"
+        error.message = f"{reason_of(problem)}{got}"
+    message: str = error.format_message()
+    return message
+
+
 def _explain(message: str, context: typer.Context | None) -> int:
-    if context is None:
-        return _refuse(f"{message} See 'drlsl --help'.")
-    if message == context.get_help():  # nothing was asked: the help is all there is to say
+    if context is not None and message == context.get_help():  # nothing was asked: there is no more to say
         print(message, file=sys.stderr)
         return 2
-    return _refuse(f"{message} See '{context.command_path} --help'.")
+    end = "" if message.endswith((".", "?")) else "."
+    command = "drlsl" if context is None else context.command_path
+    return _refuse(f"{message}{end} See '{command} --help'.")
 
 
 def _refuse(message: str) -> int:

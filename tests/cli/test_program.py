@@ -43,6 +43,40 @@ def test_no_command_shows_the_help(group: list[str], capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            "train --seeds 0",
+            "'--seeds': input should be greater than or equal to 1, got '0'. See 'drlsl train --",
+        ),
+        ("train --num-envs x", "'--num-envs': input should be a valid integer, "),
+        (
+            "train --bootstrap none",
+            "'--bootstrap': 'none' is not one of 'all', 'safe'. See 'drlsl train --help'.",
+        ),
+        (
+            "config schema rules",
+            "'of': 'rules' is not one of 'train', 'study'. See 'drlsl config schema --help'.",
+        ),
+        (
+            "data list --jsn",
+            "No such option: --jsn (Possible options: --json). See 'drlsl data list --help'.",
+        ),
+        ("rules chekc", "No such command 'chekc'. Did you mean 'check'? See 'drlsl rules --help'."),
+        ("query", "Missing option '--state'. See 'drlsl query --help'."),
+    ],
+)
+def test_a_wrong_line_is_told_in_a_sentence(
+    arguments: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(arguments.split()) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
+    assert "Value error" not in told
+
+
+@pytest.mark.parametrize(
     ("line", "expected"),
     [
         ("drlsl tr", {"train"}),
