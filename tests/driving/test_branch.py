@@ -90,7 +90,7 @@ def test_a_branch_is_the_future_to_the_bit(settings: dict[str, Any]) -> None:
 def test_a_world_that_has_not_begun_has_no_branch() -> None:
     config = EnvConfig(recording="highway-test")
     playbacks = in_direction(playbacks_of([load_recording("highway-test")], config.radar_range), config)
-    with pytest.raises(RuntimeError, match="reset the world first"):
+    with pytest.raises(RuntimeError, match="reset the environment first"):
         World(config, [playbacks], SHIELD).branch(np.array([0]))
 
 

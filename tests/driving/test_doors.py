@@ -75,6 +75,8 @@ def test_an_unknown_keyword_is_a_type_error_that_names_the_nearest(made: Any) ->
         made(recordng="highway-test")
     with pytest.raises(TypeError, match=r"'mask_fromat'.* 'mask_format'"):
         made(mask_fromat="sb3", recording="highway-test")
+    with pytest.raises(TypeError, match=r"'most_steps'; it takes recording, .*, render_mode$"):
+        made(most_steps=100)
     # The words that Stable-Baselines3 and TorchRL look for before they try without the keyword.
     with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
         gymnasium.make(ID, frameskip=1, **SETTINGS)
@@ -104,6 +106,18 @@ def test_a_bad_value_is_told_in_one_line(made: Any, settings: dict[str, Any], me
         made(**settings)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mode", ["sameStep", "SAME_STEP", None])
+def test_an_unknown_autoreset_mode_is_told_with_those_there_are(mode: Any) -> None:
+    with pytest.raises(UserError, match=r"no such mode; expected one of NextStep, SameStep, Disabled$"):
+        HighwayVectorEnv(num_envs=2, autoreset_mode=mode, **SETTINGS)
+
+
+@pytest.mark.parametrize("made", CLASSES)
+def test_a_step_before_the_first_reset_is_refused(made: Any) -> None:
+    with pytest.raises(RuntimeError, match=r"^reset the environment first: it has no scenes yet$"):
+        made(**SETTINGS).step(0 if made is HighwayEnv else [0])
 
 
 def not_offered(mask: Any) -> int:

@@ -26,11 +26,9 @@ def config_of(who: str, settings: Mapping[str, Any], others: Sequence[str]) -> E
     known = [*EnvConfig.model_fields, *others]
     for name in settings:
         if name not in EnvConfig.model_fields:
-            (nearest,) = get_close_matches(name, known, n=1, cutoff=0.0)
-            raise TypeError(
-                f"{who}.__init__() got an unexpected keyword argument {name!r}; the nearest that it has is "
-                f"{nearest!r}"
-            )
+            near = get_close_matches(name, known, n=1)
+            instead = f"the nearest that it has is {near[0]!r}" if near else f"it takes {', '.join(known)}"
+            raise TypeError(f"{who}.__init__() got an unexpected keyword argument {name!r}; {instead}")
     try:
         return EnvConfig(**settings)
     except ValidationError as error:

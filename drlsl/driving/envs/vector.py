@@ -76,8 +76,8 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
 
         Raises:
             TypeError: there is no such setting.
-            UserError: a setting has a value that it cannot have, a recording, the rules or the render mode
-                cannot be used, or the configurations do not fit together.
+            UserError: a setting has a value that it cannot have, a recording, the rules, the render mode or
+                the autoreset mode cannot be used, or the configurations do not fit together.
         """
         given = the_config(type(self).__name__, config, settings, _KEYWORDS, self.DEFAULTS)
         configs = _configs(given, num_envs)
@@ -85,7 +85,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         self._format = masks.mask_format(mask_format)
         self.config = configs[0]
         self.num_envs = len(configs)
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = _checked_autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.shield = shield or Shield.from_files(
             self.config.rules, tier=self.config.tier, seconds=self.config.rule_seconds
@@ -337,6 +337,19 @@ def _configs(config: EnvConfig | Sequence[EnvConfig], num_envs: int | None) -> l
     if len(alike) > 1:
         raise UserError("the configurations differ in more than recording and direction")
     return configs
+
+
+def _checked_autoreset(mode: AutoresetMode | str) -> AutoresetMode:
+    """Return an autoreset mode, given by itself or by its name.
+
+    Raises:
+        UserError: there is none.
+    """
+    try:
+        return AutoresetMode(mode)
+    except ValueError as error:
+        known = ", ".join(one.value for one in AutoresetMode)
+        raise UserError(f"autoreset_mode {mode!r}: no such mode; expected one of {known}") from error
 
 
 def _played(configs: Sequence[EnvConfig], playbacks: Sequence[Playback] | None) -> list[list[Playback]]:

@@ -47,7 +47,7 @@ MEMORY: Final = 12.0
 
 _NO_LAGS: Final = (np.empty((0, 0)), np.empty((0, 0)))
 
-NOT_RESET: Final = "reset the world first: it has no scenes yet"
+NOT_RESET: Final = "reset the environment first: it has no scenes yet"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
