@@ -13,6 +13,7 @@ import pytest
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
+from drlsl.errors import UserError
 from drlsl.shield import ActionRules
 from drlsl.shield.environments import frozen_lake_facts, shield_frozen_lake
 from scripts.shielded_environments import CASES, played
@@ -170,3 +171,9 @@ def test_the_example_crosses_the_lake() -> None:
     assert without[0] > 40
     assert shielded[0] == 0
     assert shielded[1] > without[1]
+
+
+@pytest.mark.parametrize("name", ["CartPole-v1", "Blackjack-v1"])
+def test_another_environment_is_refused(name: str) -> None:
+    with pytest.raises(UserError, match=r"has no .*; expected FrozenLake; drlsl\.LogicShield takes any$"):
+        shield_frozen_lake(gymnasium.make(name))

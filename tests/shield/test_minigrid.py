@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from drlsl.errors import UserError
 from drlsl.shield import ActionRules, Facts
 from drlsl.shield.environments import shield_minigrid
 from drlsl.shield.environments.minigrid import ACTIONS
@@ -64,3 +65,8 @@ def test_the_example_burns_nobody_behind_the_rules() -> None:
     without, _, held = (int(word) for word in done.stdout.split() if word.isdigit())
     assert without > 5
     assert held == 0
+
+
+def test_another_environment_is_refused() -> None:
+    with pytest.raises(UserError, match=r"has no agent_pos; expected an environment of MiniGrid; "):
+        shield_minigrid(gymnasium.make("FrozenLake-v1"))

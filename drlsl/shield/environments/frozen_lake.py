@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 
 from drlsl.logic import Limits
+from drlsl.shield.environments.known import check_kind
 from drlsl.shield.fact_forms import Facts
 from drlsl.shield.wrapper import LogicShield
 
@@ -28,8 +29,9 @@ def shield_frozen_lake(env: gymnasium.Env[Any, Any], **settings: Any) -> LogicSh
     """Return FrozenLake of any map, slippery or not, behind a shield; `settings` are those of `LogicShield`.
 
     Raises:
-        UserError: a setting is not usable.
+        UserError: a setting is not usable, or the environment is another.
     """
+    check_kind(env, "FrozenLake", "desc", "nrow", "ncol", "P")
     return LogicShield(env, RULES, actions=ACTIONS, facts=frozen_lake_facts, **{**SETTINGS, **settings})
 
 

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import gymnasium
 
+from drlsl.shield.environments.known import check_kind
 from drlsl.shield.fact_forms import Facts
 from drlsl.shield.wrapper import LogicShield
 
@@ -18,8 +19,9 @@ def shield_minigrid(env: gymnasium.Env[Any, Any], **settings: Any) -> LogicShiel
     """Return a MiniGrid with all seven actions behind a shield; `settings` are those of `LogicShield`.
 
     Raises:
-        UserError: a setting is not usable, or the environment has other actions.
+        UserError: a setting is not usable, or the environment is another, or has other actions.
     """
+    check_kind(env, "an environment of MiniGrid", "agent_pos", "agent_dir")
     given = {"fallback": "left", **settings}
     return LogicShield(env, RULES, actions=ACTIONS, facts=minigrid_facts, **given)
 
