@@ -1,6 +1,7 @@
 """N environments that are stepped together, each in an episode of its own."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol
 
@@ -48,6 +49,9 @@ class VectorHighway(Protocol):
     @property
     def observation_names(self) -> tuple[str, ...]:
         """The names of the numbers of an observation."""
+
+    def rule_files(self) -> list[Path]:
+        """Return the files of the rules that offer actions."""
 
     def reset(
         self, *, seed: Sequence[int | None], options: dict[str, Any]

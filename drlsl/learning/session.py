@@ -105,6 +105,7 @@ class Session(AbstractContextManager["Session"]):
             )
         trainer = Trainer(make_training_env(folder.config), folder.config)
         _check_observation(folder, folder.checkpoint, state, trainer.observes)
+        _check_rules(folder, state, trainer.rules)
         try:
             trainer.set_state(state["trainer"])
         except ValueError as error:
@@ -167,6 +168,7 @@ class Session(AbstractContextManager["Session"]):
             "config": self.folder.config.model_dump(mode="json"),
             "metrics": self.folder.sync_metrics(),
             "observes": list(trainer.observes),
+            "rules": dict(trainer.rules),
             "trainer": trainer.get_state(),
         }
         save_state(self.folder.checkpoint, "checkpoint", state)
@@ -238,6 +240,21 @@ def _check_observation(
     raise UserError(
         f"{path}: {problem}; {judged} judges it, and to train on, begin again with {flags} --force"
     )
+
+
+def _check_rules(folder: RunFolder, state: Mapping[str, Any], given: Mapping[str, str]) -> None:
+    """Check that the rules are those of the checkpoint; files from before tell nothing of them.
+
+    Raises:
+        UserError: they are not.
+    """
+    held = state.get("rules", given)
+    changed = sorted(name for name in {*held, *given} if held.get(name) != given.get(name))
+    if changed:
+        raise UserError(
+            f"{folder.root}: the rules were changed after the checkpoint: {', '.join(changed)}; "
+            "put them back as they were, or begin again with --force"
+        )
 
 
 def make_training_env(config: TrainConfig) -> VectorHighway:

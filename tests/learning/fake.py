@@ -1,6 +1,7 @@
 """A small road with standing cars: the environment's contract without recordings and rules."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -132,6 +133,9 @@ class FakeVector(SyncVectorEnv):
             env.set_state(one)
         self._autoreset_envs = state["over"].copy()
         self._env_obs = list(state["seen"])
+
+    def rule_files(self) -> list[Path]:
+        return []
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 
 from drlsl.cli import run
+from drlsl.errors import UserError
 from drlsl.learning import RunFolder, Session
+from drlsl.learning.config import make_config, merged
 
+from .conftest import small_config
 from .test_session import assert_same_outcome
 
 SHORT = ["--preset", "tiny", "--episodes", "3", "--track-length", "60", "--device", "cpu"]
@@ -48,3 +51,19 @@ def test_a_stopped_training_resumes_bit_for_bit(tmp_path: Path, num_envs: str) -
     for _ in Session.resume(tmp_path / "stopped").run():
         pass
     assert_same_outcome(tmp_path / "whole", tmp_path / "stopped")
+
+
+def test_a_run_whose_rules_were_changed_is_not_resumed(tmp_path: Path) -> None:
+    rules = tmp_path / "mine.pl"
+    text = ":- ensure_loaded('highway.pl').\n"
+    rules.write_text(text)
+    config = make_config(merged(small_config().model_dump(), {"env": {"rules": [str(rules)]}}), "test")
+    with Session.start(tmp_path / "run", config) as session:
+        next(iter(session.run()))
+        session.checkpoint()
+    rules.write_text(text + "never_asked(1).\n")
+    with pytest.raises(UserError, match=r"rules were changed after the checkpoint: mine\.pl; put them back"):
+        Session.resume(tmp_path / "run")
+    rules.write_text(text)
+    with Session.resume(tmp_path / "run") as session:
+        assert session.total_steps > 0

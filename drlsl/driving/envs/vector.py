@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, TypeAlias
 
@@ -177,6 +178,10 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         if self._renderer is None:
             return None
         return tuple(map(self._renderer.picture, range(self.num_envs)))
+
+    def rule_files(self) -> list[Path]:
+        """Return the files of the rules that offer actions."""
+        return self.shield.files()
 
     @property
     def observation_names(self) -> tuple[str, ...]:
