@@ -196,7 +196,7 @@ def _meta_table(content: HighdContent, part: str) -> pd.DataFrame:
         {
             "id": [int(part)],
             **location,
-            "frameRate": [content.frame_rate],
+            "frameRate": [_exact(content.frame_rate)],
             "speedLimit": [-1.0 if content.speed_limit is None else content.speed_limit],
             "duration": [(int(tracks.frame.max()) + 1) / content.frame_rate],
             "totalDrivenDistance": [float(distances.sum())],
@@ -209,6 +209,12 @@ def _meta_table(content: HighdContent, part: str) -> pd.DataFrame:
             **_own_columns(content),
         }
     )
+
+
+def _exact(number: float) -> str:
+    """Return two decimals, as in highD, or as many as the number has: a rounded rate shifts times."""
+    short = f"{number:.2f}"
+    return short if float(short) == number else repr(float(number))
 
 
 def _own_columns(content: HighdContent) -> dict[str, list[str]]:

@@ -140,6 +140,14 @@ def test_convert_several_and_repair(tmp_path: Path) -> None:
         CliRunner().invoke(app, arguments, catch_exceptions=False)
 
 
+@pytest.mark.parametrize("every", [2, 3, 7, 10_000])
+def test_frame_rates_outlast_the_layout_of_highd(tmp_path: Path, every: int) -> None:
+    rows = [Row(frame, 1, 50.0 + 0.001 * frame, 22.0, vx=0.025) for frame in (1, 5, 10_001)]
+    made = thin(recording_of(tmp_path / "in", rows), every)
+    again = load_recording(write_highd(highd_content(made), tmp_path / "out"), cache=False)
+    assert again.frame_rate == made.frame_rate == RATE / every
+
+
 def test_cut_by_command(tmp_path: Path) -> None:
     arguments = ["cut", "freeway", "--out", str(tmp_path / "out"), "--begin", "10", "--end", "20"]
     assert CliRunner().invoke(app, arguments, catch_exceptions=False).exit_code == 0
