@@ -63,14 +63,22 @@ def cut(
     """Return the rows in a span of time [s] and of road [m]; a box must lie in it wholly.
 
     Raises:
-        UserError: no row is left.
+        UserError: no row is left, or an end is not a number.
     """
+    for ends, unit in ((seconds, "s"), (metres, "m")):
+        if not ends[0] < ends[1]:
+            raise UserError(
+                f"{recording.name}: cut to {_span(ends, unit)}: expected two numbers, the lower one first"
+            )
     tracks = rows_of(recording)
     time, half = tracks.frame / recording.frame_rate, tracks.length / 2
     inside = (time >= seconds[0]) & (time < seconds[1])
     inside &= (tracks.x - half >= metres[0]) & (tracks.x + half <= metres[1])
     out = counted(int((~inside).sum()), "row")
     note = f"cut to {_span(seconds, 's')} and {_span(metres, 'm')}: {out} left out"
+    if not inside.any():
+        whole = f"0 to {recording.duration:g} s and {recording.x_min:.1f} to {recording.x_max:.1f} m"
+        raise UserError(f"{recording.name}: nothing is left: {note}; it has {whole}")
     return with_rows(recording, tracks.take(inside), note)
 
 
@@ -78,10 +86,13 @@ def thin(recording: Recording, every: int) -> Recording:
     """Return every n-th frame.
 
     Raises:
-        UserError: `every` is below 1.
+        UserError: `every` is below 1 or above the number of frames.
     """
     if every < 1:
         raise UserError(f"every {every}th frame: expected a number from 1")
+    if every > recording.frame_count:
+        frames = counted(recording.frame_count, "frame")
+        raise UserError(f"{recording.name}: every {every}th frame is asked for, but it has {frames}")
     tracks = rows_of(recording)
     kept = tracks.take(tracks.frame % every == 0)
     rate = recording.frame_rate / every
@@ -93,11 +104,18 @@ def smooth(recording: Recording, seconds: float) -> Recording:
     """Return the recording with velocities from positions: slopes of straight lines through so many seconds.
 
     Raises:
-        UserError: `seconds` cover less than three frames.
+        UserError: `seconds` are not above 0, or cover less than three frames.
     """
-    window = 2 * round(seconds * recording.frame_rate / 2) + 1
+    if not seconds > 0:
+        raise UserError(f"smoothing over {seconds:g} s: expected seconds above 0")
+    # More than all frames on both sides of a row change nothing.
+    reach = round(min(seconds * recording.frame_rate / 2, recording.frame_count))
+    window = 2 * reach + 1
     if window < 3:
-        raise UserError(f"{recording.name}: smoothing needs three frames, {3 / recording.frame_rate:g} s")
+        raise UserError(
+            f"{recording.name}: smoothing over {seconds:g} s: three frames are needed, here "
+            f"{2 / recording.frame_rate:g} s or more"
+        )
     tracks = rows_of(recording)
     starts = segment_starts(tracks)
     vx, vy = (slopes(values, starts, window) * recording.frame_rate for values in (tracks.x, tracks.y))
@@ -123,7 +141,7 @@ def fill_gaps(recording: Recording, seconds: float) -> Recording:
     tracks = rows_of(recording)
     before = np.flatnonzero((np.diff(tracks.vehicle) == 0) & (np.diff(tracks.frame) > 1))
     missing = tracks.frame[before + 1] - tracks.frame[before] - 1
-    short = missing <= round(seconds * recording.frame_rate)
+    short = missing <= np.round(seconds * recording.frame_rate)
     believed = _one_way(tracks, before, recording.frame_rate)
     chosen = before[short & believed]
     filled = _through(tracks, chosen, recording.frame_rate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 from pathlib import Path
 
 import numpy as np
@@ -146,6 +147,52 @@ def test_frame_rates_outlast_the_layout_of_highd(tmp_path: Path, every: int) -> 
     made = thin(recording_of(tmp_path / "in", rows), every)
     again = load_recording(write_highd(highd_content(made), tmp_path / "out"), cache=False)
     assert again.frame_rate == made.frame_rate == RATE / every
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"),
+    [
+        (math.nan, "expected seconds above 0"),
+        (-math.inf, "expected seconds above 0"),
+        (0.03, r"needed, here 0\.08 s or more"),
+    ],
+)
+def test_smoothing_needs_seconds(tmp_path: Path, seconds: float, expected: str) -> None:
+    made = recording_of(tmp_path, accelerating(20))
+    with pytest.raises(UserError, match=expected):
+        smooth(made, seconds)
+    assert smooth(made, 0.08).notes[-1].startswith("velocities from positions over 3 frames")
+
+
+@pytest.mark.parametrize("seconds", [1e300, math.inf])
+def test_spans_may_be_longer_than_the_recording(tmp_path: Path, seconds: float) -> None:
+    made = recording_of(tmp_path, [row for row in accelerating() if not 60 < row.frame <= 110])
+    assert "1 gap of" in fill_gaps(made, seconds).notes[-1]
+    assert np.array_equal(rows_of(smooth(made, seconds)).vx, rows_of(smooth(made, 2 * made.duration)).vx)
+
+
+def test_thinning_leaves_frames(tmp_path: Path) -> None:
+    made = recording_of(tmp_path, accelerating(20))
+    assert thin(made, 20).frame_count == 1
+    with pytest.raises(UserError, match="every 21th frame is asked for, but it has 20 frames"):
+        thin(made, 21)
+    with pytest.raises(UserError, match="it has 20 frames"):
+        thin(made, 10**20)
+
+
+@pytest.mark.parametrize(("low", "high"), [(math.nan, 5.0), (5.0, math.nan), (5.0, 5.0), (9.0, 5.0)])
+def test_a_cut_needs_a_span(tmp_path: Path, low: float, high: float) -> None:
+    made = recording_of(tmp_path, accelerating(20))
+    with pytest.raises(UserError, match=r"cut to .* to .*: expected two numbers, the lower one first"):
+        cut(made, seconds=(low, high))
+    with pytest.raises(UserError, match=r"cut to .* to .*: expected two numbers, the lower one first"):
+        cut(made, metres=(low, high))
+
+
+def test_an_empty_cut_says_what_there_was(tmp_path: Path) -> None:
+    made = recording_of(tmp_path, accelerating(25))
+    with pytest.raises(UserError, match=r"nothing is left: .*; it has 0 to 1 s and 47\.8 to 71\.9 m"):
+        cut(made, seconds=(10.0, 20.0))
 
 
 def test_cut_by_command(tmp_path: Path) -> None:
