@@ -30,6 +30,8 @@ def is_pattern(part: str) -> bool:
 
 def matching(part: str, names: Sequence[str]) -> list[str]:
     """Return the names that a part or a pattern means: `0*` those that begin so, `7` 07, `us101` US-101."""
+    if part in names:
+        return [part]
     spelt = [name for name in names if fnmatchcase(name.lower(), part.strip().lower())]
     return spelt or [name for name in names if fnmatchcase(_plain(name), _plain(part))]
 

@@ -37,10 +37,12 @@ def find_source(path: str | Path) -> Source:
     """
     found = find_sources(path)
     if len(found) > 1:
-        labels = [_label(source) for source in found]
-        listed = ", ".join(labels[:12]) + (", …" if len(labels) > 12 else "")
-        stem = str(path).rpartition("#")[0] if _locate(path)[1] is not None else str(path)
-        raise UserError(f"{path}: holds recordings {listed}; choose one, as in {stem}#{labels[0]}")
+        stem = _stem(path)
+        names = [_name_alone(stem, source) for source in found[:12]]
+        listed = ", ".join(name.removeprefix(f"{stem}#") for name in names) + (
+            ", …" if len(found) > 12 else ""
+        )
+        raise UserError(f"{path}: holds recordings {listed}; choose one, as in {names[0]}")
     return found[0]
 
 
@@ -77,13 +79,17 @@ def recording_names(path: str | Path) -> list[str]:
     sources = find_sources(path)
     if len(sources) == 1:
         return [str(path)]
-    stem = str(path).rpartition("#")[0] if "#" in str(path) and not Path(path).exists() else str(path)
-    return [_name_alone(stem, source) for source in sources]
+    return [_name_alone(_stem(path), source) for source in sources]
+
+
+def _stem(path: str | Path) -> str:
+    """Return a path without the part of it that is chosen."""
+    return str(path).rpartition("#")[0] if "#" in str(path) and not Path(path).exists() else str(path)
 
 
 def _name_alone(stem: str, source: Source) -> str:
     """Return the name of one of the recordings that `stem` means: a part of it, else its own file."""
-    name = f"{stem}#{_label(source)}"
+    name = stem + source.name.removeprefix(Path(stem).name)
     if not is_pattern(stem) and [one.files for one in find_sources(name)] == [source.files]:
         return name
     return str(source.files[0]) if source.part is None else f"{source.files[0]}#{source.part}"
@@ -135,15 +141,20 @@ def _in_folder(location: Path, folder: Path, part: str | None) -> list[Source]:
             f"{location}: no recording in this folder; in highD layout it has files like 01_tracks.csv, and "
             f"known formats are {_known()}"
         )
-    labels = [_label(source) for source in found]
+    labels = _labels(found, folder)
     if part is not None:
         chosen = matching(part, labels)
         if not chosen:
             raise UserError(f"{location}: no recording {part}; it holds {', '.join(labels)}")
-        found = [source for source, label in zip(found, labels, strict=True) if label in chosen]
     elif len(found) == 1:
         return [replace(found[0], name=location.name)]
-    return [replace(source, name=f"{location.name}#{_label(source)}") for source in found]
+    else:
+        chosen = labels
+    return [
+        replace(source, name=f"{location.name}#{label}")
+        for source, label in zip(found, labels, strict=True)
+        if label in chosen
+    ]
 
 
 def _sources_below(folder: Path, depth: int = DEEPEST) -> list[Source]:
@@ -171,6 +182,18 @@ def _endings(path: Path) -> set[str]:
 def _label(source: Source) -> str:
     """Return the part that chooses a recording of several."""
     return source.part or _own_part(source.files[0])
+
+
+def _labels(sources: Sequence[Source], folder: Path) -> list[str]:
+    """Return the parts of a folder that choose each recording; where some are alike, with their folders."""
+    labels = [_label(source) for source in sources]
+    paths = [source.files[0].relative_to(folder) for source in sources]
+    below = [(path.parent / label).as_posix() for path, label in zip(paths, labels, strict=True)]
+    for longer in (below, [path.as_posix() for path in paths]):
+        labels = [
+            label if labels.count(label) == 1 else other for label, other in zip(labels, longer, strict=True)
+        ]
+    return labels
 
 
 def _own_part(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import zipfile
 from pathlib import Path
@@ -88,6 +89,37 @@ def test_each_recording_has_a_name_of_its_own(data_set: Path, tmp_path: Path) ->
         apart, together = [find_source(one) for one in found], find_sources(whole)
         assert [(one.files, one.part) for one in apart] == [(one.files, one.part) for one in together]
     assert recording_names(data_set)[:2] == [f"{data_set}#01", f"{data_set}#02"]
+
+
+def test_recordings_of_one_number_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    root = tmp_path / "sites"
+    for x, (folder, part) in enumerate((("a", "01"), ("a", "02"), ("b", "01"), ("c [1]", "01"))):
+        write_highd(root / folder, [Row(1, 1, 50.0 + x, 22.0)], part=part)
+    assert names(root) == ["sites#a/01", "sites#02", "sites#b/01", "sites#c [1]/01"]
+    places = [load_recording(f"{root}#{part}").frame(0).x[0] for part in ("A/1", "2", "b/01", "c [1]/01")]
+    assert places == [50.0, 51.0, 52.0, 53.0]
+    assert recording_names(root) == [f"{root}#{part}" for part in ("a/01", "02", "b/01", "c [1]/01")]
+    assert names(f"{root}#*01") == ["sites#a/01", "sites#b/01", "sites#c [1]/01"]
+    with pytest.raises(UserError, match=rf"holds recordings a/01, 02, .*; choose one, as in {root}#a/01"):
+        find_source(root)
+    with pytest.raises(UserError, match="no recording 01; it holds a/01, 02, b/01"):
+        find_source(f"{root}#01")
+
+
+def test_one_of_a_pattern_is_chosen_by_its_file(data_set: Path) -> None:
+    folder = data_set / "data"
+    with pytest.raises(UserError, match=rf"holds recordings .*; choose one, as in {folder}/01_tracks\.csv"):
+        find_source(f"{folder}/0*_tracks.csv")
+
+
+def test_files_of_one_number_are_told_apart_by_their_names(tmp_path: Path) -> None:
+    folder = write_highd(tmp_path / "h", [Row(1, 1, 50.0, 22.0)])
+    for path in list(folder.iterdir()):
+        (folder / f"{path.name}.gz").write_bytes(gzip.compress(path.read_bytes()))
+    assert names(folder) == ["h#01_tracks.csv", "h#01_tracks.csv.gz"]
+    packed = find_source(f"{folder}#01_tracks.csv.gz")
+    assert [path.suffix for path in packed.files] == [".gz"] * 3
+    assert packed.files == find_source(folder / "01_tracks.csv.gz").files
 
 
 def test_rules_are_learnt_from_all_of_a_data_set(data_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:

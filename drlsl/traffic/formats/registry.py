@@ -61,15 +61,16 @@ class Format:
 
 
 def _numbered(path: Path) -> tuple[Path, ...]:
-    """Return the tracks, tracksMeta and recordingMeta files of one recording.
+    """Return the tracks, tracksMeta and recordingMeta files of one recording; packed like `path`, if several.
 
     Raises:
         UserError: one is missing.
     """
-    number = path.name.split("_")[0]
-    files = []
-    for kind in ("tracks", "tracksMeta", "recordingMeta"):
-        candidates = [path.parent / f"{number}_{kind}{suffix}" for suffix in _SUFFIXES]
+    number, _, ending = path.name.rpartition("_tracks")
+    files = [path]
+    for kind in ("tracksMeta", "recordingMeta"):
+        endings = sorted(_SUFFIXES, key=lambda suffix: suffix != ending)
+        candidates = [path.parent / f"{number}_{kind}{suffix}" for suffix in endings]
         existing = [candidate for candidate in candidates if candidate.is_file()]
         if not existing:
             raise UserError(f"{candidates[0]}: no such file, plain, .gz or .xz; the recording needs it")
