@@ -154,11 +154,8 @@ def convert(
     if to == "npz" or out.suffix == ".npz":
         raise UserError(f"{', '.join(paths)}: no episodes, which alone are written as .npz")
     kind = to or ("parquet" if out.suffix == ".parquet" else "highd")
-    sources, several = _sources(paths)
-    for source in sources:
-        target = out / _file_name(source.name) if several else out
-        if several and kind == "parquet":
-            target = target.with_name(f"{target.name}.parquet")
+    sources, _ = _sources(paths)
+    for source, target in zip(sources, _targets(sources, out, kind, force=force), strict=True):
         recording = _edited(load_source(source), fill_gaps=fill_gaps, smooth=smooth, every=every)
         _write(recording, target, kind, force=force)
 
@@ -184,13 +181,15 @@ def cut(
 
     from drlsl.traffic import cut, load_recording
 
+    kind = "parquet" if out.suffix == ".parquet" else "highd"
+    _check(out, kind, force=force)
     part = cut(
         load_recording(path),
         seconds=(-inf if begin is None else begin, inf if end is None else end),
         metres=(-inf if x_from is None else x_from, inf if x_to is None else x_to),
     )
     part = _edited(part, fill_gaps=fill_gaps, smooth=smooth, every=every)
-    _write(part, out, "parquet" if out.suffix == ".parquet" else "highd", force=force)
+    _write(part, out, kind, force=force)
 
 
 def _sources(paths: Sequence[str]) -> tuple[list[Source], bool]:
@@ -236,6 +235,42 @@ def _convert_episodes(episodes: list[Path], out: Path, to: str | None, *, repair
     typer.echo(f"{out}: {counted(len(files), 'episode')}")
 
 
+def _targets(sources: Sequence[Source], out: Path, kind: str, *, force: bool) -> list[Path]:
+    """Return where each recording is to be written: one to `out` itself, several into it.
+
+    Raises:
+        UserError: two would be written to one place, or what is there may not be replaced.
+    """
+    suffix = ".parquet" if kind == "parquet" else ""
+    several = len(sources) > 1
+    targets = [out / f"{_file_name(one.name)}{suffix}" for one in sources] if several else [out]
+    for number, target in enumerate(targets):
+        if target in targets[:number]:
+            first, second = (sources[at].files[0] for at in (targets.index(target), number))
+            raise UserError(
+                f"{target}: {first} and {second} would both be called so; convert them one by one"
+            )
+        _check(target, kind, force=force)
+    return targets
+
+
+def _check(out: Path, kind: str, *, force: bool) -> None:
+    """Check that a recording may be written to a folder or file.
+
+    Raises:
+        UserError: it exists and `force` is not given, or it cannot be replaced.
+    """
+    from drlsl.files import not_replaceable
+    from drlsl.traffic import check_folder
+
+    if kind == "highd":
+        check_folder(out, force=force)
+    elif out.exists() and not force:
+        raise UserError(f"{out}: exists already; choose another file or add --force to replace it")
+    elif what := not_replaceable(out):
+        raise UserError(f"{out}: is {what}, expected a file to write")
+
+
 def _file_name(name: str) -> str:
     """Return the name of a recording as that of a file."""
     return re.sub(r"[^\w.-]+", "-", name)
@@ -260,10 +295,9 @@ def _write(recording: Recording, out: Path, kind: str, *, force: bool) -> None:
     """
     from drlsl.traffic import counted, highd_content, write_highd, write_parquet
 
+    _check(out, kind, force=force)
     if kind == "highd":
         write_highd(highd_content(recording), out, force=force)
-    elif out.exists() and not force:
-        raise UserError(f"{out}: exists already; choose another file or add --force to replace it")
     else:
         write_parquet(recording, out)
     vehicles = counted(len(recording.vehicle_class), "vehicle")

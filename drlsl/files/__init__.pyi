@@ -15,7 +15,7 @@ from .seal import (
     seal_values,
 )
 from .user_code import find_object, refuse_while_loading, users_code
-from .whole_file import scratch_beside, write_atomic, written_whole
+from .whole_file import not_replaceable, scratch_beside, write_atomic, written_whole
 from .yaml_file import Location, YamlFile, parse_yaml, read_yaml, shown, to_yaml
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "find_object",
     "make_room",
     "needed",
+    "not_replaceable",
     "open_archive",
     "open_values",
     "parquet_library",

@@ -16,11 +16,15 @@ from drlsl.errors import UserError
 def written_whole(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
     """Yield a file that replaces `path` at the end; after an error the old file is kept.
 
-    `durable`: the new file then outlasts a power cut. Its folder must exist.
+    `durable`: the new file then outlasts a power cut. Its folder must exist. A link stays one, and what it
+    leads to is replaced.
 
     Raises:
         OSError: the file cannot be written.
     """
+    if what := not_replaceable(path):
+        raise OSError(f"is {what}, expected a file")
+    path = path.resolve() if path.is_symlink() else path
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     temporary = Path(name)
     try:
@@ -37,6 +41,13 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
         raise
     if durable:
         _sync_folder(path.parent)
+
+
+def not_replaceable(path: Path) -> str | None:
+    """Return what a path is, if that is nothing a file may take the place of, as a folder or a device."""
+    if not path.exists() or path.is_file():
+        return None
+    return "a folder" if path.is_dir() else "a device or a pipe"
 
 
 def write_atomic(path: Path, content: bytes) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from tests.traffic.writing import Row
 from tests.traffic.writing import write_highd as write_rows
 
 RATE = 25.0
+runner = CliRunner()
 needs_pyarrow = pytest.mark.skipif(
     importlib.util.find_spec("pyarrow") is None, reason="needs the extra parquet"
 )
@@ -193,6 +195,42 @@ def test_an_empty_cut_says_what_there_was(tmp_path: Path) -> None:
     made = recording_of(tmp_path, accelerating(25))
     with pytest.raises(UserError, match=r"nothing is left: .*; it has 0 to 1 s and 47\.8 to 71\.9 m"):
         cut(made, seconds=(10.0, 20.0))
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize("kind", ["highd", pytest.param("parquet", marks=needs_pyarrow)])
+def test_no_two_recordings_are_written_to_one_place(tmp_path: Path, kind: str, force: list[str]) -> None:
+    inputs = [str(write_rows(tmp_path / parent / "drive", accelerating(9))) for parent in ("other", "a", "b")]
+    out = tmp_path / "out"
+    with pytest.raises(
+        UserError, match=r"drive.*: .*other.* and .*a.* would both be called so; convert them"
+    ):
+        runner.invoke(
+            app, ["convert", *inputs, "--out", str(out), "--to", kind, *force], catch_exceptions=False
+        )
+    assert not out.exists()
+
+
+def test_nothing_is_written_beside_what_exists(tmp_path: Path) -> None:
+    inputs = [str(write_rows(tmp_path / name, accelerating(9))) for name in ("a", "b", "c")]
+    kept = write_rows(tmp_path / "out" / "b", accelerating(8))
+    with pytest.raises(UserError, match="out/b: exists already"):
+        runner.invoke(app, ["convert", *inputs, "--out", str(kept.parent)], catch_exceptions=False)
+    assert [one.name for one in kept.parent.iterdir()] == ["b"]
+
+
+@needs_pyarrow
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize("command", ["convert", "cut"])
+def test_only_files_are_replaced_by_files(tmp_path: Path, command: str) -> None:
+    made = str(write_rows(tmp_path / "in", accelerating(9)))
+    folder, pipe = tmp_path / "d.parquet", tmp_path / "p.parquet"
+    folder.mkdir()
+    os.mkfifo(pipe)
+    for path, what in ((folder, "a folder"), (pipe, "a device or a pipe")):
+        with pytest.raises(UserError, match=f"{path.name}: is {what}, expected a file to write"):
+            runner.invoke(app, [command, made, "--out", str(path), "--force"], catch_exceptions=False)
+    assert pipe.is_fifo()
 
 
 def test_cut_by_command(tmp_path: Path) -> None:
