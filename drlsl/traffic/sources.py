@@ -37,7 +37,7 @@ def find_source(path: str | Path) -> Source:
     """
     found = find_sources(path)
     if len(found) > 1:
-        stem = _stem(path)
+        stem, _ = _split(path)
         names = [_name_alone(stem, source) for source in found[:12]]
         listed = ", ".join(name.removeprefix(f"{stem}#") for name in names) + (
             ", …" if len(found) > 12 else ""
@@ -56,13 +56,12 @@ def find_sources(path: str | Path) -> list[Source]:
     Raises:
         UserError: there is none, or the format is unknown.
     """
-    if is_pattern(str(path)) and not Path(path).exists():
-        stem, _, parts = str(path).partition("#")
-        if is_pattern(stem):
-            paths = sorted(glob(stem))
-            if not paths:
-                raise UserError(f"{path}: no file or folder is called so")
-            return [one for each in paths for one in find_sources(f"{each}#{parts}" if parts else each)]
+    stem, part = _split(path)
+    if is_pattern(stem) and not Path(stem).exists():
+        paths = sorted(glob(stem))
+        if not paths:
+            raise UserError(f"{path}: no file or folder is called so")
+        return [one for each in paths for one in find_sources(f"{each}#{part}" if part else each)]
     location, part = _locate(path)
     place = unpacked(location) if location.suffix == ".zip" and location.is_file() else location
     if place.is_dir():
@@ -79,33 +78,38 @@ def recording_names(path: str | Path) -> list[str]:
     sources = find_sources(path)
     if len(sources) == 1:
         return [str(path)]
-    return [_name_alone(_stem(path), source) for source in sources]
+    return [_name_alone(_split(path)[0], source) for source in sources]
 
 
-def _stem(path: str | Path) -> str:
-    """Return a path without the part of it that is chosen."""
-    return str(path).rpartition("#")[0] if "#" in str(path) and not Path(path).exists() else str(path)
+def _split(path: str | Path) -> tuple[str, str | None]:
+    """Return the path of what is there, and the part of it; names of files and parts may have a # in them."""
+    whole = str(path)
+    marks = [at for at, mark in enumerate(whole) if mark == "#"]
+    for stem, part in ((whole, None), *((whole[:at], whole[at + 1 :]) for at in reversed(marks))):
+        if (part is None and stem in bundled_recordings()) or (stem and Path(stem).exists()):
+            return stem, part
+    stem, mark, part = whole.partition("#")
+    return stem, part if mark else None
 
 
 def _name_alone(stem: str, source: Source) -> str:
     """Return the name of one of the recordings that `stem` means: a part of it, else its own file."""
     name = stem + source.name.removeprefix(Path(stem).name)
-    if not is_pattern(stem) and [one.files for one in find_sources(name)] == [source.files]:
+    if Path(stem).exists() and [one.files for one in find_sources(name)] == [source.files]:
         return name
     return str(source.files[0]) if source.part is None else f"{source.files[0]}#{source.part}"
 
 
 def _locate(path: str | Path) -> tuple[Path, str | None]:
     """Return the folder or file, and the part of it."""
-    if str(path) in bundled_recordings():
-        return BUNDLED / path, None
-    if Path(path).exists():
-        return Path(path), None
-    stem, mark, part = str(path).rpartition("#")
-    if mark and Path(stem).exists():
+    stem, part = _split(path)
+    if part is None and stem in bundled_recordings():
+        return BUNDLED / stem, None
+    if stem and Path(stem).exists():
         return Path(stem), part
     known = ", ".join(bundled_recordings())
-    raise UserError(f"{path}: no such file or folder, and no bundled recording (those are {known})")
+    named = str(path) or "an empty name"
+    raise UserError(f"{named}: no such file or folder, and no bundled recording (those are {known})")
 
 
 def _in_file(location: Path, part: str | None) -> list[Source]:

@@ -106,6 +106,29 @@ def test_recordings_of_one_number_are_told_apart_by_their_folders(tmp_path: Path
         find_source(f"{root}#01")
 
 
+@pytest.mark.parametrize("name", ["plain", "of [1]", "a #1 b", "50 %?"])
+def test_names_may_have_the_marks_of_parts_and_patterns(tmp_path: Path, name: str) -> None:
+    for folder in (name, "other"):
+        write_highd(tmp_path / name / folder, [Row(1, 1, 50.0, 22.0)])
+    write_highd(tmp_path / "alone" / name, [Row(1, 1, 50.0, 22.0)])
+    root = tmp_path / name
+    assert recording_names(root) == sorted(f"{root}#{folder}/01" for folder in (name, "other"))
+    assert [names(one) for one in recording_names(root)] == [[one] for one in names(root)]
+    assert names(f"{tmp_path}/alone/{name}#1") == [f"{name}#01"]
+    assert names(f"{root}#*") == names(root)
+    assert names(f"{tmp_path}/al*/*#0*") == [f"{name}#01"]
+
+
+@pytest.mark.parametrize("name", ["", "#01"])
+def test_an_empty_name_is_not_the_working_folder(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(write_highd(tmp_path, [Row(1, 1, 50.0, 22.0)]))
+    with pytest.raises(UserError, match=f"{name or 'an empty name'}: no such file or folder"):
+        find_sources(name)
+    assert len(find_sources(".")) == len(find_sources(".#01")) == 1
+
+
 def test_one_of_a_pattern_is_chosen_by_its_file(data_set: Path) -> None:
     folder = data_set / "data"
     with pytest.raises(UserError, match=rf"holds recordings .*; choose one, as in {folder}/01_tracks\.csv"):
