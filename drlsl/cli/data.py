@@ -86,7 +86,11 @@ def list_recordings(as_json: JsonOption = False) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("recording", "minutes", "frames/s", "vehicles", "lanes", title="Bundled recordings")
+    table = Table(title="Bundled recordings")
+    table.add_column("recording", no_wrap=True)
+    for heading in ("min", "frames\n/s", "vehicles"):
+        table.add_column(heading, no_wrap=True)
+    table.add_column("lanes")
     for recording in recordings:
         ways = ((way, len(recording.lanes_of(way))) for way in recording.directions)
         table.add_row(
@@ -301,7 +305,7 @@ def _write(recording: Recording, out: Path, kind: str, *, force: bool) -> None:
     else:
         write_parquet(recording, out)
     vehicles = counted(len(recording.vehicle_class), "vehicle")
-    typer.echo(f"{out}: {vehicles}, {recording.duration:.1f} s at {recording.frame_rate:g} Hz")
+    typer.echo(f"{out}: {vehicles}, {_seconds(recording.duration)} s at {recording.frame_rate:g} Hz")
     for note in recording.notes:
         typer.echo(f"note: {note}")
 
@@ -427,9 +431,10 @@ def _summary(report: RecordingReport, kind: str) -> Table:
     kinds = f"{counted(report.cars, 'car')}, {counted(report.trucks, 'truck')}"
     if report.motorcycles:
         kinds += f", {counted(report.motorcycles, 'motorcycle')}"
+    frames = f"{counted(report.frames, 'frame')} at {report.frame_rate_hz:g} Hz"
     rows = {
         "format": kind,
-        "duration": f"{report.duration_s:.1f} s, {report.frames:,} frames at {report.frame_rate_hz:g} Hz",
+        "duration": f"{_seconds(report.duration_s)} s, {frames}",
         "road": f"{report.x_min_m:.1f} to {report.x_max_m:.1f} m",
         "vehicles": f"{report.vehicles} ({kinds}), at most {report.most_in_one_frame} at once",
         "rows": f"{report.rows:,}, of which {report.rows_off_lane:,} in no lane",
@@ -450,6 +455,11 @@ def _summary(report: RecordingReport, kind: str) -> Table:
             f"{counted(lane.vehicles, 'vehicle')}",
         )
     return table
+
+
+def _seconds(duration: float) -> str:
+    """Return a duration to tenths, to more digits where it is so short that these would mislead."""
+    return f"{duration:.1f}" if duration >= 1.0 else f"{duration:.2g}"
 
 
 def _spread(spread: Spread | None, unit: str) -> str:

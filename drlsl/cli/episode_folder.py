@@ -76,12 +76,15 @@ class EpisodeFolder:
         """
         from drlsl.driving.episodes import episode_files, load_episode
         from drlsl.driving.page import least_thinning, write_page
+        from drlsl.traffic import counted
 
         episodes = [load_episode(path) for path in episode_files(self.folder)]
         page, every = self.folder / PAGE, least_thinning(episodes)
         write_page(page, episodes, title=f"{self.who} in {', '.join(self.config.recordings)}", every=every)
         thinned = "" if every == 1 else f", every {every}th frame"
-        return f"wrote {len(episodes)} episodes to {self.folder}, and {page} to look at them{thinned}"
+        return (
+            f"wrote {counted(len(episodes), 'episode')} to {self.folder}, and {page} to look at them{thinned}"
+        )
 
 
 def make_folder(folder: Path) -> None:

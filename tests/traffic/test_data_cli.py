@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from drlsl.cli.data import app
 from drlsl.errors import UserError
-from drlsl.traffic import load_recording, recording_report
+from drlsl.traffic import bundled_recordings, load_recording, recording_report
 from tests.traffic.writing import Row, write_highd
 
 runner = CliRunner()
@@ -31,6 +31,19 @@ def test_list_names_the_bundled_recordings() -> None:
     rows = {row["name"]: row for row in json.loads(run("list", "--json"))}
     assert rows["freeway"]["lanes"] == {"left_to_right": 5}
     assert rows["highway-train"]["duration_s"] == 300.0
+
+
+def test_list_names_all_in_a_narrow_window() -> None:
+    result = runner.invoke(app, ["list"], catch_exceptions=False, env={"COLUMNS": "60"})
+    assert "…" not in result.output
+    assert all(name in result.output for name in bundled_recordings())
+    assert max(map(len, result.output.splitlines())) <= 60
+
+
+def test_one_frame_is_told_as_one(tmp_path: Path) -> None:
+    folder = write_highd(tmp_path / "h", [Row(1, 1, 100.0, 22.0)])
+    assert "0.04 s, 1 frame at 25 Hz" in run("info", str(folder))
+    assert "1 vehicle, 0.04 s at 25 Hz" in run("convert", str(folder), "--out", str(tmp_path / "out"))
 
 
 def test_info_describes_a_recording(tmp_path: Path) -> None:
