@@ -29,6 +29,9 @@ from drlsl.traffic.road import Direction, Lane, MergingLane, Traffic
 ROUNDED = 0.02
 """Slack [m] between a merging lane and its neighbour: both are written with two decimals."""
 
+HIGHEST_RATE = 1000.0
+"""Most frames a second; no camera over a road takes so many, and each is a step of an episode."""
+
 
 class VehicleClass(Enum):
     """The class of a road user."""
@@ -139,6 +142,8 @@ def _problems(recording: Recording) -> Iterator[str]:
     """Yield the problems of a recording, cheapest checks first; later checks rely on earlier ones."""
     if not (np.isfinite(recording.frame_rate) and recording.frame_rate > 0):
         yield f"frame rate {recording.frame_rate} is not a positive number"
+    elif recording.frame_rate > HIGHEST_RATE:
+        yield f"{recording.frame_rate:g} frames a second, more than {HIGHEST_RATE:g}; in another unit?"
     if not (np.isfinite([recording.x_min, recording.x_max]).all() and recording.x_min < recording.x_max):
         yield f"the stretch of road [{recording.x_min}, {recording.x_max}] m is empty or not finite"
     yield from _lane_problems(recording.lanes)

@@ -97,6 +97,7 @@ def nobody() -> Film:
 
 FAULTS: dict[str, tuple[Callable[[], Recording], str]] = {
     "frame rate": (lambda: replace(make(), frame_rate=0.0), "frame rate 0.0"),
+    "a rate in 1/h": (lambda: replace(make(), frame_rate=36_000.0), "36000 frames a second, more than 1000"),
     "stretch": (lambda: replace(make(), x_max=0.0), "stretch of road"),
     "no lanes": (lambda: replace(make(), lanes=()), "no lane"),
     "lane ids": (lambda: replace(make(), lanes=LANES[1:]), "count 1, 2, 3"),
