@@ -47,6 +47,12 @@ def drive(one: World, actions: list[np.ndarray]) -> list[StepResult]:
     return results
 
 
+@pytest.mark.parametrize("frame_rate", [0.01, 0.1, 1.0, 100.0])
+def test_egos_drive_at_any_frame_rate(shield: Shield, frame_rate: float) -> None:
+    one = started(world(shield, recording(EMPTY[1:], frames=5, frame_rate=frame_rate)))
+    assert drive(one, [KEEP])[0].scenes.scene(0).ego.vx > 0.0
+
+
 @pytest.mark.parametrize(("direction", "lanes"), [("left_to_right", {3, 4, 5}), ("right_to_left", {1, 2})])
 def test_the_ego_drives_its_own_way(shield: Shield, direction: str, lanes: set[int]) -> None:
     one = started(world(shield, recording(EMPTY), direction))

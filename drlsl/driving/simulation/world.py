@@ -108,7 +108,7 @@ class World:
         self.playbacks = Playbacks(distinct)
         self.count = len(playbacks)
         films, dt = self.playbacks.films, float(self.playbacks.courses.dt.min())
-        size, memory = (config.ego_length, config.ego_width), round(MEMORY / dt)
+        size, memory = (config.ego_length, config.ego_width), max(round(MEMORY / dt), 1)
         kept = KEPT // len(distinct)
         self._entries = [Entries(one, shield, size, kept) for one in self.playbacks.all]
         self._egos = Egos(self.count, size, memory)
