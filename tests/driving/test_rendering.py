@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import errno
 import json
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -218,6 +220,42 @@ def test_a_film_holds_every_picture_in_any_size(tmp_path: Path, ending: str, hei
         [30 * level for level in range(7)], abs=4
     )
     assert read[0].shape[:2] == (height + height % 2, width + width % 2)
+
+
+@pytest.mark.parametrize("ending", [".png", ".mp4", ".gif"])
+@pytest.mark.parametrize("old", [None, b"an older film"])
+def test_a_film_that_fails_leaves_what_was_there(
+    tmp_path: Path, ending: str, old: bytes | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / f"film{ending}"
+    if old is not None:
+        path.write_bytes(old)
+    picture = np.zeros((60, 80, 3), np.uint8)
+
+    def interrupted() -> None:
+        with Film(path, 10.0) as film:
+            film.add(picture)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    film = Film(path, 10.0)
+    film.add(picture)
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(UserError, match=rf"film\{ending}: cannot write: No space left on device"):
+        film.close()
+    assert (path.read_bytes() if path.exists() else None) == old
+    assert [one.name for one in tmp_path.iterdir()] == ([] if old is None else [path.name])
+
+
+def test_a_film_replaces_no_folder(tmp_path: Path) -> None:
+    (tmp_path / "film.gif").mkdir()
+    with pytest.raises(UserError, match=r"film\.gif: is a folder, expected a file to write"):
+        Film(tmp_path / "film.gif", 10.0)
 
 
 def test_gymnasium_records_it(tmp_path: Path) -> None:
