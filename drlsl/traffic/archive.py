@@ -26,6 +26,8 @@ def unpacked(path: Path) -> Path:
             return folder
         folder.parent.mkdir(parents=True, exist_ok=True)
         with zipfile.ZipFile(path) as archive:
+            if not archive.infolist():
+                raise UserError(f"{path}: cannot be unpacked: the archive is empty")
             needed = sum(item.file_size for item in archive.infolist())
             room = shutil.disk_usage(folder.parent).free
             if needed > room:

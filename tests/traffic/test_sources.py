@@ -176,6 +176,12 @@ def test_an_archive_is_unpacked_once(data_set: Path, tmp_path: Path, cache_folde
     assert len(list((cache_folder / "unpacked").iterdir())) == 1
 
 
+def test_an_empty_archive(tmp_path: Path) -> None:
+    zipfile.ZipFile(tmp_path / "e.zip", "w").close()
+    with pytest.raises(UserError, match=r"e\.zip: cannot be unpacked: the archive is empty"):
+        find_sources(tmp_path / "e.zip")
+
+
 @pytest.mark.parametrize("spoil", ["cut", "no archive", "outside"])
 def test_a_bad_archive(data_set: Path, tmp_path: Path, spoil: str) -> None:
     archive = tmp_path / "highD.zip"
