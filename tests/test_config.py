@@ -131,6 +131,10 @@ def test_an_empty_file_is_all_defaults(tmp_path: Path) -> None:
             ":3:3: unknown key 'learning.discout'; did you mean 'learning.discount'?",
         ),
         ("batch_size: 64\n", ":1:1: unknown key 'batch_size'; did you mean 'learning.batch_size'?"),
+        (
+            "learning:\n  episodes: 3\n",
+            ":2:3: unknown key 'learning.episodes'; did you mean 'episodes' or 'evaluation.episodes'?",
+        ),
         ("env:\n  recordin: x\n", ":2:3: unknown key 'env.recordin'; did you mean 'env.recording'?"),
         ("zzz: 1\n", ":1:1: unknown key 'zzz'; `drlsl train --print-config` shows the known keys"),
         ("3: 1\n", ":1:1: unknown key '3'; `drlsl train --print-config` shows the known keys"),

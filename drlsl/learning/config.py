@@ -386,8 +386,11 @@ def _unknown_keys(model: type[BaseModel], values: Mapping[Any, Any], path: str =
 
 
 def _nearest_key(path: str) -> str:
-    """Return a hint at the known key most similar to `path`, in any section."""
+    """Return a hint at the known key most similar to `path`, in any section, or at all of the same name."""
     keys = [name for name, _ in describe_keys()]
+    alike = [repr(name) for name in keys if name.rpartition(".")[2] == path.rpartition(".")[2]]
+    if alike:
+        return f"; did you mean {' or '.join(alike)}?"
     sections = {name.rpartition(".")[0] for name in keys} - {""}
 
     def likeness(name: str) -> tuple[float, float]:

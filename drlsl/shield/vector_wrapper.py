@@ -123,7 +123,7 @@ class LogicVectorShield(Shielding[VectorEnv[Any, Any, Any], ManyFacts], VectorWr
     def action_masks(self) -> npt.NDArray[np.bool_]:
         """Return the masks of the actions that are offered now, shape (N, A)."""
         if self._mask is None:
-            raise RuntimeError("reset the environments before asking for their action masks")
+            raise RuntimeError("reset the environments first: no action is offered yet")
         return self._mask.copy()
 
     def _ask(self) -> None:

@@ -85,7 +85,7 @@ class LogicShield(
     def action_masks(self) -> npt.NDArray[np.bool_]:
         """Return the mask of the actions that are offered now, shape (A,)."""
         if self._offer is None:
-            raise RuntimeError("reset the environment before asking for its action mask")
+            raise RuntimeError("reset the environment first: no action is offered yet")
         mask = np.zeros(len(self._actions.labels), dtype=np.bool_)
         mask[[self._place_of[name] for name in self._offer.actions]] = True
         return mask

@@ -102,7 +102,7 @@ def write_highd(
                 (fresh / f"{part}_highway.png").write_bytes(_picture())
             _swap(fresh, folder, aside=scratch / "old")
     except OSError as error:
-        raise UserError(f"{folder}: cannot be written: {error}") from error
+        raise UserError(f"{folder}: cannot be written: {error.strerror or error}") from error
     return folder
 
 

@@ -152,7 +152,7 @@ class HighwayEnv(gymnasium.Env[Any, np.int64]):
     def action_masks(self) -> npt.NDArray[np.bool_]:
         """Return the mask of the actions that the rules offer now, shape (3,)."""
         if self._decisions is None:
-            raise RuntimeError("reset the environment before asking for its action mask")
+            raise RuntimeError("reset the environment first: no action is offered yet")
         return np.asarray(self._decisions.action_mask[0])
 
     def get_state(self) -> dict[str, Any]:
