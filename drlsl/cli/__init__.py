@@ -6,6 +6,7 @@ import gc
 import logging
 import os
 import sys
+import warnings
 from collections import UserDict
 from collections.abc import Sequence
 from pkgutil import resolve_name
@@ -97,9 +98,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0, or 2 after one line on stderr that says what to put right."""
     # Terms and modules are made by the ten thousand and hardly any is garbage: look for it less often.
     gc.set_threshold(50_000, 20, 20)
+    warnings.showwarning = _show_warning
     if sys.stderr.isatty():
         _show_compiling()
     sys.exit(run(arguments))
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    """Show a warning on stderr in one line; the line of the program that gave it helps nobody."""
+    print(f"drlsl: warning: {printable(str(message))}", file=sys.stderr)
 
 
 def _show_compiling() -> None:

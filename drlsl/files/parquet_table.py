@@ -65,4 +65,4 @@ def write_table(path: Path, columns: Mapping[str, Any], key: bytes, facts: Mappi
         with written_whole(path) as file:
             parquet.write_table(table, file, compression="zstd")
     except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error}") from error
+        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error

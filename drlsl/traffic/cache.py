@@ -99,7 +99,9 @@ def write_cached(source: Source, recording: Recording) -> None:
             # At once: what is written in small pieces stays in small pages.
             file.write(content)
     except OSError as error:
-        warnings.warn(f"{path.parent}: recordings cannot be cached there ({error})", stacklevel=3)
+        warnings.warn(
+            f"{path.parent}: recordings cannot be cached there ({error.strerror or error})", stacklevel=3
+        )
 
 
 def _in_memory(file: IO[bytes]) -> mmap.mmap:

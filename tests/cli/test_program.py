@@ -32,6 +32,12 @@ def test_the_version_loads_nothing_but_itself() -> None:
     assert done.stdout.split() == ["drlsl", "drlsl.moved", "drlsl.registration", "drlsl.version"]
 
 
+def test_a_warning_is_one_line() -> None:
+    code = "import warnings; from drlsl import cli; cli.run = lambda _: warnings.warn('damaged'); cli.main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "drlsl: warning: damaged\n"
+
+
 @pytest.mark.parametrize("group", [[], ["data"], ["runs"], ["config"], ["rules"], ["bench"]], ids=" ".join)
 def test_no_command_shows_the_help(group: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(group) == 2

@@ -49,7 +49,7 @@ def cached_changes(how: Labelling, bias: str, recording: Recording) -> Generator
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, content.getvalue())
     except OSError as error:
-        warnings.warn(f"{path}: labels cannot be kept there ({error})", stacklevel=2)
+        warnings.warn(f"{path}: labels cannot be kept there ({error.strerror or error})", stacklevel=2)
     return changes
 
 
