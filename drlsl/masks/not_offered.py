@@ -64,14 +64,12 @@ def settle(
     if free is not None:
         offered |= free
     taken = asked.astype(np.int64)
-    if offered.all():
+    if mode in ("mask", "penalise") or offered.all():
         return Settled(taken, offered)
     if mode == "raise":
         raise ActionNotOffered(_refusal(taken, masks, offered, names))
-    if mode == "replace":
-        stand_in = np.where(masks[:, fallback].astype(np.bool_), fallback, masks.argmax(axis=1))
-        taken = np.where(offered, taken, stand_in)
-    return Settled(taken, offered)
+    stand_in = np.where(masks[:, fallback].astype(np.bool_), fallback, masks.argmax(axis=1))
+    return Settled(np.where(offered, taken, stand_in), offered)
 
 
 def _refusal(

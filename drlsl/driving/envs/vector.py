@@ -141,7 +141,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
             TypeError, ValueError: `actions` are not N valid actions; nothing is driven.
             ActionNotOffered: in the mode `raise`, an action was not offered; nothing is driven.
         """
-        again: list[int] = np.flatnonzero(self._over).tolist() if self._over.any() else []
+        again: list[int] = self._over.nonzero()[0].tolist()
         if again and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
             raise gymnasium.error.ResetNeeded(f"the episodes of {again} are over: reset them first")
         restarts = {index: self._rngs[index] for index in again}
