@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,7 @@ class Contact:
         return self.verdict is Verdict.AT_FAULT
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Surroundings:
+class Surroundings(NamedTuple):
     """The scenes around N egos, and which slots hold a vehicle that touches the ego, shape (N, S)."""
 
     scenes: SceneBatch

@@ -402,9 +402,9 @@ class World:
         at, courses, films = self._egos.at, self._courses, self.playbacks.films
         places = self._everyone if places is None else places
         shape = len(places), films.slots
-        numbers, whole = np.empty((len(NUMBERS), *shape)), np.empty((2, *shape), dtype=np.int64)
-        valid, touching = np.empty((2, *shape), dtype=np.bool_)
-        vehicle, lane = whole
+        numbers = np.empty((len(NUMBERS), *shape))
+        vehicle, lane = np.empty(shape, np.int64), np.empty(shape, np.int64)
+        valid, touching = np.empty(shape, np.bool_), np.empty(shape, np.bool_)
         lags = _NO_LAGS if self._reactive is None else (self._reactive.lag, self._reactive.speed)
         any_touches = machine_code(look)(
             places,
