@@ -131,7 +131,7 @@ def test_wrong_answers_are_told_with_line_expectation_and_answer(tmp_path: Path)
         ),
         (
             "scenes:\n  - scene: a\n    actions: []\n    rows:\n      - {}\n      - {vehicles: {b: {}}}",
-            ":6: vehicles.b: value error, expected one of ahead, behind",
+            ":6: vehicles.b: expected one of ahead, behind",
         ),
         (
             "scenes:\n  - scene: a\n    actions: []\n    vehicles: {ego: {ahead: 1.0}}",
