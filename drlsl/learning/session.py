@@ -105,7 +105,7 @@ class Session(AbstractContextManager["Session"]):
             )
         trainer = Trainer(make_training_env(folder.config), folder.config)
         _check_observation(folder, folder.checkpoint, state, trainer.observes)
-        _check_rules(folder, state, trainer.rules)
+        _check_rules(folder, state, trainer.rule_digests)
         try:
             trainer.set_state(state["trainer"])
         except ValueError as error:
@@ -168,7 +168,7 @@ class Session(AbstractContextManager["Session"]):
             "config": self.folder.config.model_dump(mode="json"),
             "metrics": self.folder.sync_metrics(),
             "observes": list(trainer.observes),
-            "rules": dict(trainer.rules),
+            "rules": dict(trainer.rule_digests),
             "trainer": trainer.get_state(),
         }
         save_state(self.folder.checkpoint, "checkpoint", state)

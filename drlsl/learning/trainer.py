@@ -76,7 +76,7 @@ class Trainer:
         self.agent, self.replay = make_learner(env.single_observation_space, env.single_action_space, config)
         self.observes = env.observation_names
         """The names of the numbers that the agent observes."""
-        self.rules = {path.name: digest([path]) for path in env.rule_files()}
+        self.rule_digests = {path.name: digest([path]) for path in env.rule_files()}
         """The SHA-256 of each rule file."""
         self.total_steps = 0
         self._beside = _thread_of_its_own(config.threads) if config.learning.overlap else None
