@@ -41,6 +41,12 @@ def test_every_name_of_every_room_is_described(site: Path) -> None:
         assert names <= described, f"{room}: {names - described}"
 
 
+def test_parameters_that_a_base_takes_are_described_with_the_class(site: Path) -> None:
+    page = (site / "api" / "drlsl.shield.html").read_text(encoding="utf-8")
+    for name in ("LogicShield", "LogicVectorShield"):
+        assert f'id="drlsl.shield.{name}.__init__"' in page
+
+
 def test_the_playground_can_be_reached_and_decides_by_itself(site: Path) -> None:
     assert 'href="playground.html"' in (site / "index.html").read_text(encoding="utf-8")
     page = (site / "playground.html").read_text(encoding="utf-8")

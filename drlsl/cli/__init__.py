@@ -134,14 +134,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _message(error: Any) -> str:
     """Return what is wrong with the command line, in a sentence."""
-    from pydantic import ValidationError
+    if error.__cause__ is not None:
+        from pydantic import ValidationError
 
-    from drlsl.files import reason_of
+        from drlsl.files import reason_of
 
-    if isinstance(error.__cause__, ValidationError):
-        problem = error.__cause__.errors(include_url=False)[0]
-        got = "" if problem["type"] == "value_error" else f", got {problem['input']!r}"
-        error.message = f"{reason_of(problem)}{got}"
+        if isinstance(error.__cause__, ValidationError):
+            problem = error.__cause__.errors(include_url=False)[0]
+            got = "" if problem["type"] == "value_error" else f", got {problem['input']!r}"
+            error.message = f"{reason_of(problem)}{got}"
     message: str = error.format_message()
     return message
 
