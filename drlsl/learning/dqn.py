@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from drlsl.driving.drivers import Choice, most_wanted
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, Precision
 from drlsl.learning.divergence import DivergedError, check_values
+from drlsl.learning.elementwise import fastest
 from drlsl.learning.network import Policy, make_networks
 from drlsl.learning.precision import faster_precision
 from drlsl.learning.replay import Batch, Replay, Sample
@@ -52,26 +53,6 @@ def td_targets(
     return torch.add(batch.rewards, future, alpha=discount)
 
 
-class Loss(NamedTuple):
-    """A loss, and its derivative with respect to each Q-value."""
-
-    value: torch.Tensor  # Shape: (...)
-    slopes: torch.Tensor  # Shape: (..., B, A)
-
-
-def td_loss(values: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor) -> Loss:
-    """Return the mean squared error of the values of the actions taken.
-
-    Shapes: (..., B, A), (..., B), (..., B).
-
-    Source: Eq. 1.
-    """
-    taken = actions.unsqueeze(-1)
-    errors = values.gather(-1, taken).sub_(targets.unsqueeze(-1))
-    slopes = torch.zeros_like(values).scatter_(-1, taken, errors * (2.0 / errors.shape[-2]))
-    return Loss(errors.square().mean(dim=(-2, -1)), slopes)
-
-
 class Sight(NamedTuple):
     """The observations that an agent chooses by, in N environments."""
 
@@ -104,13 +85,13 @@ class DqnAgent:
         self._learning = learning
         self._rng = rng
         self._generator = generator
+        self._device = device
         self.network, self.target = make_networks(network, observation_size, action_count, generator, device)
         self._learn_in(
             faster_precision(network, learning.batch_size, device)
             if learning.precision == "auto"
             else learning.precision
         )
-        self.optimiser = self.network.optimiser()
         self.policy = Policy(self.network, device, network.window)
         # On a GPU a target that was kept would have to be sent there, at each update.
         self.keeps_targets = self.network.steady and device.type == "cpu"
@@ -122,6 +103,8 @@ class DqnAgent:
         """The precision of products in learning."""
         for network in (self.network, self.target):
             network.learn_in(precision)
+        self.optimiser = self.network.optimiser()
+        self._elementwise = fastest(precision, self._device)
 
     def renew_optimiser(self) -> None:
         """Give the optimiser the memory that the parameters are in now."""
@@ -212,7 +195,7 @@ class DqnAgent:
         if targets is None:
             targets = self._computed_targets(batch)
         outputs = self.network.forward(batch.observations)
-        loss = td_loss(outputs[-1].detach(), batch.actions, targets)
+        loss = self._elementwise.td_loss(outputs[-1].detach(), batch.actions, targets)
         value = self.checked(loss.value.item())
         self.network.backward(batch.observations, outputs, loss.slopes)
         self.optimiser.step()
@@ -253,11 +236,11 @@ class DqnAgent:
         Raises:
             ValueError: the state belongs to another network.
         """
+        # What auto was when the training began; there was float32 alone when files did not tell.
+        self._learn_in(state.get("precision", "float32"))
         self.network.set_state(state["network"])
         self.target.set_state(state["target"])
         self.optimiser.set_state(state["optimiser"])
         self.updates = state["updates"]
-        # What auto was when the training began; there was float32 alone when files did not tell.
-        self._learn_in(state.get("precision", "float32"))
         self._rng.bit_generator.state = state["rng"]
         self._generator.set_state(state["noise"])

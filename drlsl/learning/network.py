@@ -16,10 +16,11 @@ from torch import nn
 from drlsl.driving.drivers import Situations
 from drlsl.errors import UserError
 from drlsl.learning import architectures
-from drlsl.learning.adam import Adam, Optimiser
+from drlsl.learning.adam import Adam, CompiledAdam, Optimiser
 from drlsl.learning.architectures import SPREAD
 from drlsl.learning.config import NetworkConfig, Precision
 from drlsl.learning.divergence import check_values
+from drlsl.learning.elementwise import BY_PYTORCH, ByMachineCode, Elementwise, fastest
 from drlsl.learning.module_network import ModuleNetwork, RandomStream, checked_module
 from drlsl.learning.network_factory import call_factory
 
@@ -78,8 +79,8 @@ class Layer(NamedTuple):
     bias: torch.Tensor  # Shape: (..., outputs)
 
     def __call__(self, values: torch.Tensor) -> torch.Tensor:
-        """Apply the layer, in the type of its weights. Shape: (B, inputs) to (B, outputs)."""
-        return torch.addmm(self.bias, values.to(self.weight.dtype), self.weight)
+        """Apply the layer to values of its weights' type. Shape: (B, inputs) to (B, outputs)."""
+        return torch.addmm(self.bias, values, self.weight)
 
 
 class _InnerLayers:
@@ -139,6 +140,7 @@ class QNetwork:
         self.layers = self._used = tuple(layers_of(self.sizes, parameters))
         self._whole_slopes = self._slopes = tuple(layers_of(self.sizes, gradient))
         self._inner: _InnerLayers | None = None
+        self._elementwise: Elementwise = BY_PYTORCH
         self._weights, self._weights_gradient = parameters, gradient
 
     def move(self, parameters: torch.Tensor, gradient: torch.Tensor) -> None:
@@ -151,11 +153,13 @@ class QNetwork:
 
     def optimiser(self) -> Adam:
         """Make the optimiser of this network."""
-        return Adam(self.parameters, self.gradient)
+        kind = CompiledAdam if isinstance(self._elementwise, ByMachineCode) else Adam
+        return kind(self.parameters, self.gradient)
 
     def learn_in(self, precision: Precision) -> None:
         """Choose the precision of its products in learning; without layers between hidden ones, float32."""
         self._inner, self._used, self._slopes = None, self.layers, self._whole_slopes
+        self._elementwise = fastest(precision, self.parameters.device)
         if precision == "bfloat16" and len(self.layers) > 2:
             self._inner = inner = _InnerLayers(self.sizes, self._weights, self._weights_gradient)
             self._used = (self.layers[0], *inner.layers, self.layers[-1])
@@ -170,7 +174,7 @@ class QNetwork:
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return Q-values to act by. Shape: (B, S) to (B, A)."""
-        return _outputs(self.layers, observations)[-1]
+        return _outputs(self.layers, observations, BY_PYTORCH)[-1]
 
     def next_values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return Q-values to learn from, in the precision of learning. Shape: (B, S) to (B, A)."""
@@ -192,7 +196,7 @@ class QNetwork:
         """
         if self._inner is not None:
             self._inner.round_weights()
-        return _outputs(self._used, observations)
+        return _outputs(self._used, observations, self._elementwise)
 
     def backward(
         self,
@@ -210,14 +214,14 @@ class QNetwork:
             outputs: its result.
             slopes: the loss's derivative with respect to each Q-value. Shape: (B, A).
         """
+        torch.sum(slopes, 0, out=self._slopes[-1].bias)
         for index, layer in reversed(list(enumerate(self._used))):
-            kind = layer.weight.dtype
-            inputs, slopes = (outputs[index - 1] if index else observations).to(kind), slopes.to(kind)
+            inputs = outputs[index - 1] if index else observations
             torch.mm(inputs.t(), slopes, out=self._slopes[index].weight)
-            torch.sum(slopes, 0, out=self._slopes[index].bias)
             if index:
-                # ReLU's derivative: 1 where its output is more than 0, else 0.
-                slopes = torch.mm(slopes, layer.weight.t()).mul_(inputs.sign())
+                slopes = self._elementwise.slopes_before(
+                    torch.mm(slopes, layer.weight.t()), inputs, self._slopes[index - 1].bias
+                )
         if self._inner is not None:
             self._inner.write_gradient()
 
@@ -371,12 +375,14 @@ def _check(mine: Mapping[str, torch.Tensor], theirs: Mapping[str, Any]) -> None:
         raise ValueError(f"the weights do not fit the network: found {found}, expected {expected}")
 
 
-def _outputs(layers: Sequence[Layer], observations: torch.Tensor) -> list[torch.Tensor]:
-    """Return the output of each layer, hidden ones after their ReLU."""
+def _outputs(
+    layers: Sequence[Layer], observations: torch.Tensor, elementwise: Elementwise
+) -> list[torch.Tensor]:
+    """Return the output of each layer, hidden ones after their ReLU and in the type of the next layer."""
     outputs = []
     values = observations
-    for layer in layers[:-1]:
-        values = layer(values).relu_()
+    for layer, following in itertools.pairwise(layers):
+        values = elementwise.activate(layer(values), following.weight.dtype)
         outputs.append(values)
     return [*outputs, layers[-1](values)]
 

@@ -1,20 +1,23 @@
 import ast
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 import torch
 
 import drlsl
-from drlsl.learning.adam import Adam, no_subnormals
+from drlsl.learning.adam import Adam, CompiledAdam, no_subnormals
 
 
-def test_it_is_pytorchs_adam_to_the_bit() -> None:
+def steps_beside_pytorchs(kind: type[Adam]) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+    """Yield the parameters after each of 40 steps, and those that PyTorch's own class gives."""
     generator = torch.Generator().manual_seed(0)
     mine = torch.randn(500, generator=generator)
     theirs = torch.nn.Parameter(mine.clone())
     mine_gradient = torch.zeros(500)
-    adam, reference = Adam(mine, mine_gradient), torch.optim.Adam([theirs], fused=True)
+    adam, reference = kind(mine, mine_gradient), torch.optim.Adam([theirs], fused=True)
     for step in range(40):
         adam.learning_rate = reference.param_groups[0]["lr"] = 0.01 / (1 + step)
         gradient = torch.randn(500, generator=generator)
@@ -22,20 +25,31 @@ def test_it_is_pytorchs_adam_to_the_bit() -> None:
         theirs.grad = gradient
         adam.step()
         reference.step()
-        assert torch.equal(mine, theirs.detach()), step
+        yield mine, theirs.detach()
 
 
-def test_a_state_carries_over_and_stands_alone() -> None:
+def test_it_is_pytorchs_adam_to_the_bit() -> None:
+    assert all(torch.equal(mine, theirs) for mine, theirs in steps_beside_pytorchs(Adam))
+
+
+def test_as_machine_code_it_is_pytorchs_but_for_rounding() -> None:
+    for mine, theirs in steps_beside_pytorchs(CompiledAdam):
+        torch.testing.assert_close(mine, theirs, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", [Adam, CompiledAdam])
+@pytest.mark.parametrize("other", [Adam, CompiledAdam])
+def test_a_state_carries_over_and_stands_alone(kind: type[Adam], other: type[Adam]) -> None:
     mine = torch.ones(8)
     gradient = torch.full((8,), 0.5)
-    adam = Adam(mine, gradient)
+    adam = kind(mine, gradient)
     adam.step()
     state, parameters = adam.get_state(), mine.clone()
-    restored = Adam(parameters, gradient)
+    restored = other(parameters, gradient)
     adam.step()
     restored.set_state(state)
     restored.step()
-    assert torch.equal(mine, parameters)
+    torch.testing.assert_close(mine, parameters, rtol=0.0 if kind is other else 1e-6, atol=0.0)
 
 
 def test_no_private_name_of_pytorch_is_used() -> None:
@@ -54,9 +68,10 @@ def test_pytorch_is_bounded_for_the_functional_form_of_adam() -> None:
     assert '"torch>=2.4,<3"' in project
 
 
-def test_a_mean_that_shrinks_becomes_zero() -> None:
+@pytest.mark.parametrize("kind", [Adam, CompiledAdam])
+def test_a_mean_that_shrinks_becomes_zero(kind: type[Adam]) -> None:
     gradient = torch.full((8,), 1e-30)
-    adam = Adam(torch.ones(8), gradient)
+    adam = kind(torch.ones(8), gradient)
     adam.step()
     gradient.zero_()
     for _ in range(400):

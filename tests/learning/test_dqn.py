@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drlsl.learning import greedy_choice
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, make_config
 from drlsl.learning.divergence import DivergedError
-from drlsl.learning.dqn import DqnAgent, td_loss, td_targets
+from drlsl.learning.dqn import DqnAgent, td_targets
 from drlsl.learning.replay import Batch
 
 from .layers import linear_layers, plain
@@ -68,27 +68,6 @@ def test_targets_agree_with_a_loop(seed: int, discount: float, bootstrap: Bootst
         expected.append(float(batch.rewards[row]) + discount * future)
     got = td_targets(next_values, batch, discount, bootstrap)
     np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-5)
-
-
-def test_the_loss_is_the_mean_squared_error_of_the_actions_taken() -> None:
-    values = torch.tensor([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    loss = td_loss(values, torch.tensor([2, 0]), torch.tensor([1.0, 1.0]))
-    assert loss.value.item() == pytest.approx((2.0**2 + 3.0**2) / 2)
-
-
-@given(rows=st.integers(1, 20), seed=st.integers(0, 1_000))
-@settings(max_examples=40, deadline=None)
-def test_the_losss_slopes_are_autograds(rows: int, seed: int) -> None:
-    generator = torch.Generator().manual_seed(seed)
-    values = torch.randn(rows, ACTIONS, generator=generator, requires_grad=True)
-    actions = torch.randint(ACTIONS, (rows,), generator=generator)
-    targets = torch.randn(rows, generator=generator)
-    loss = td_loss(values.detach(), actions, targets)
-    taken = values[torch.arange(rows), actions]
-    expected = torch.nn.functional.mse_loss(taken, targets)
-    expected.backward()
-    torch.testing.assert_close(loss.value, expected.detach())
-    torch.testing.assert_close(loss.slopes, values.grad)
 
 
 @given(

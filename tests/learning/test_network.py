@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
+from drlsl.learning import network as network_module
 from drlsl.learning.architectures import SPREAD
+from drlsl.learning.elementwise import BY_PYTORCH, ByMachineCode, Elementwise
 from drlsl.learning.network import Layer, NoisyQNetwork, Policy, QNetwork
 
 from .layers import linear_layers
@@ -72,6 +74,7 @@ def rounded(layer: nn.Linear, values: torch.Tensor) -> torch.Tensor:
     return low.relu().float()
 
 
+@pytest.mark.parametrize("way", [BY_PYTORCH, ByMachineCode()])
 @given(
     sizes=st.lists(st.integers(1, 40), min_size=4, max_size=6),
     rows=st.integers(1, 40),
@@ -79,10 +82,12 @@ def rounded(layer: nn.Linear, values: torch.Tensor) -> torch.Tensor:
 )
 @settings(max_examples=60, deadline=None)
 def test_the_gradient_in_bfloat16_is_autograds_through_the_same_roundings(
-    sizes: list[int], rows: int, seed: int
+    way: Elementwise, sizes: list[int], rows: int, seed: int
 ) -> None:
     source, plain = network(seed, sizes), reference(network(seed, sizes))
-    source.learn_in("bfloat16")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(network_module, "fastest", lambda *_: way)
+        source.learn_in("bfloat16")
     generator = torch.Generator().manual_seed(seed)
     observations = torch.rand(rows, sizes[0], generator=generator)
     slopes = torch.randn(rows, sizes[-1], generator=generator)

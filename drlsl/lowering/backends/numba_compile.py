@@ -41,7 +41,13 @@ _ANNOTATED: Final[dict[str, Any]] = {
     "float": types.float64,
     **{
         f"{name}{axes}": types.Array(kind, axes, "C")
-        for name, kind in (("Mask", types.boolean), ("Integers", types.int64), ("Floats", types.float64))
+        for name, kind in (
+            ("Mask", types.boolean),
+            ("Integers", types.int64),
+            ("Floats", types.float64),
+            ("Singles", types.float32),
+            ("Halves", types.uint16),
+        )
         for axes in (1, 2, 3)
     },
     **{f"Words{axes}": types.Array(types.int32, axes, "C", readonly=True) for axes in (1, 2)},

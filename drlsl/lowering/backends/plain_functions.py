@@ -19,13 +19,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 Floats1: TypeAlias = npt.NDArray[np.float64]
 Floats2: TypeAlias = npt.NDArray[np.float64]
 Floats3: TypeAlias = npt.NDArray[np.float64]
+Singles1: TypeAlias = npt.NDArray[np.float32]
+Singles2: TypeAlias = npt.NDArray[np.float32]
+Halves1: TypeAlias = npt.NDArray[np.uint16]
+Halves2: TypeAlias = npt.NDArray[np.uint16]
 Integers1: TypeAlias = npt.NDArray[np.int64]
 Integers2: TypeAlias = npt.NDArray[np.int64]
 Mask1: TypeAlias = npt.NDArray[np.bool_]
 Mask2: TypeAlias = npt.NDArray[np.bool_]
 Words1: TypeAlias = npt.NDArray[np.int32]
 Words2: TypeAlias = npt.NDArray[np.int32]
-"""Arrays that machine code takes, of so many axes, in C order; words may be read-only."""
+"""Arrays that machine code takes, of so many axes, in C order; words may be read-only, halves are bits."""
 
 
 def machine_code(function: F) -> F:
