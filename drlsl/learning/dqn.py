@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from drlsl.driving.drivers import Choice, most_wanted
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, Precision
 from drlsl.learning.divergence import DivergedError, check_values
-from drlsl.learning.elementwise import fastest
 from drlsl.learning.network import Policy, make_networks
 from drlsl.learning.precision import faster_precision
 from drlsl.learning.replay import Batch, Replay, Sample
 
 FEW: Final = 8
 """Rows below which a product may be another routine's, which rounds differently."""
+
+PIECE: Final[Mapping[Precision, int]] = {"float32": 1, "bfloat16": 4}
+"""Minibatches whose targets are computed in one pass through the network."""
 
 
 def greedy_choice(values: NDArray[np.float32], offered: NDArray[np.bool_]) -> Choice:
@@ -85,7 +87,6 @@ class DqnAgent:
         self._learning = learning
         self._rng = rng
         self._generator = generator
-        self._device = device
         self.network, self.target = make_networks(network, observation_size, action_count, generator, device)
         self._learn_in(
             faster_precision(network, learning.batch_size, device)
@@ -104,7 +105,6 @@ class DqnAgent:
         for network in (self.network, self.target):
             network.learn_in(precision)
         self.optimiser = self.network.optimiser()
-        self._elementwise = fastest(precision, self._device)
 
     def renew_optimiser(self) -> None:
         """Give the optimiser the memory that the parameters are in now."""
@@ -141,8 +141,10 @@ class DqnAgent:
         Source: Algorithm 1, lines 9 and 10.
         """
         choice = greedy_choice(values, offered)
-        for row in np.flatnonzero(self._rng.random(len(offered)) < epsilon):
-            choice.actions[row] = self._rng.choice(np.flatnonzero(offered[row]))
+        rows = np.flatnonzero(self._rng.random(len(offered)) < epsilon)
+        free = offered[rows]
+        places = self._rng.integers(free.sum(axis=1))
+        choice.actions[rows] = (free.cumsum(axis=1) > places[:, np.newaxis]).argmax(axis=1)
         return choice
 
     def learn(self, replay: Replay, updates: int) -> list[float]:
@@ -178,8 +180,9 @@ class DqnAgent:
 
     def _computed_targets(self, rows: Batch) -> torch.Tensor:
         """Return the targets of transitions by the target network of now. Shape: (B,)."""
-        # In equal pieces of about a minibatch, whose values stay in the processor's cache.
-        pieces = rows.next_observations.tensor_split(-(-len(rows.actions) // self._learning.batch_size))
+        # In equal pieces, whose values stay in the processor's cache.
+        size = PIECE[self.precision] * self._learning.batch_size
+        pieces = rows.next_observations.tensor_split(-(-len(rows.actions) // size))
         next_values = torch.cat([self.target.next_values(piece) for piece in pieces])
         return td_targets(next_values, rows, self._learning.discount, self._learning.bootstrap)
 
@@ -194,13 +197,10 @@ class DqnAgent:
         self.network.draw_noise()
         if targets is None:
             targets = self._computed_targets(batch)
-        outputs = self.network.forward(batch.observations)
-        loss = self._elementwise.td_loss(outputs[-1].detach(), batch.actions, targets)
-        value = self.checked(loss.value.item())
-        self.network.backward(batch.observations, outputs, loss.slopes)
+        loss = self.checked(self.network.find_gradient(batch.observations, batch.actions, targets))
         self.optimiser.step()
         self.count_update()
-        return value
+        return loss
 
     def checked(self, loss: float) -> float:
         """Return the loss of the next update.

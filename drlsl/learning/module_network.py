@@ -11,6 +11,7 @@ from drlsl.errors import UserError
 from drlsl.files import users_code
 from drlsl.learning.adam import ModuleAdam
 from drlsl.learning.config import Precision
+from drlsl.learning.loss import find_gradient
 
 ROWS: Final = (1, 3)
 """Number of observations that a module is tested with before training."""
@@ -126,6 +127,15 @@ class ModuleNetwork:
         """Return the module, in the mode of evaluation and on the processor, for rows of observations."""
         module = _copied(self.module, self._name).eval().cpu()
         return nn.Sequential(nn.Unflatten(1, self._shape), module) if len(self._shape) > 1 else module
+
+    def find_gradient(
+        self, observations: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor
+    ) -> float:
+        """Write the gradient of the loss into the parameters' own, and return the loss.
+
+        Shapes: (B, S), (B,) and (B,).
+        """
+        return find_gradient(self, observations, actions, targets)
 
     def forward(self, observations: torch.Tensor) -> list[torch.Tensor]:
         """Return the Q-values, from which `backward` starts. Shape: (B, S) to (B, A)."""

@@ -4,9 +4,8 @@ Any module learns by autograd (module_network.py). The paper's network has its g
 because by autograd an update takes 1.4 times as long: docs/training.md, Speed.
 """
 
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -18,9 +17,11 @@ from drlsl.errors import UserError
 from drlsl.learning import architectures
 from drlsl.learning.adam import Adam, CompiledAdam, Optimiser
 from drlsl.learning.architectures import SPREAD
+from drlsl.learning.compiled_pass import CompiledPass, can_compile
 from drlsl.learning.config import NetworkConfig, Precision
 from drlsl.learning.divergence import check_values
-from drlsl.learning.elementwise import BY_PYTORCH, ByMachineCode, Elementwise, fastest
+from drlsl.learning.layers import Layer, count_parameters, layers_of
+from drlsl.learning.loss import find_gradient
 from drlsl.learning.module_network import ModuleNetwork, RandomStream, checked_module
 from drlsl.learning.network_factory import call_factory
 
@@ -50,13 +51,13 @@ class Network(Protocol):
     def as_module(self) -> nn.Module:
         """Return a module with the same values. Shape: (B, S) to (B, A)."""
 
-    def forward(self, observations: torch.Tensor) -> Sequence[torch.Tensor]:
-        """Return what `backward` needs, the Q-values last."""
+    def find_gradient(
+        self, observations: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor
+    ) -> float:
+        """Compute the gradient of the loss, for the optimiser's next step, and return the loss.
 
-    def backward(
-        self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
-    ) -> None:
-        """Compute a loss's gradient from its derivative in each Q-value, for the optimiser's next step."""
+        Shapes: (B, S), (B,) and (B,).
+        """
 
     def copy_from(self, other: Any) -> None:
         """Take over the values of another network of its kind."""
@@ -72,23 +73,12 @@ class Network(Protocol):
         """
 
 
-class Layer(NamedTuple):
-    """A fully connected layer, as views of a network's vector of parameters, or of several networks'."""
-
-    weight: torch.Tensor  # Shape: (..., inputs, outputs)
-    bias: torch.Tensor  # Shape: (..., outputs)
-
-    def __call__(self, values: torch.Tensor) -> torch.Tensor:
-        """Apply the layer to values of its weights' type. Shape: (B, inputs) to (B, outputs)."""
-        return torch.addmm(self.bias, values, self.weight)
-
-
 class _InnerLayers:
     """The layers between hidden ones, and their gradient, rounded to bfloat16."""
 
     def __init__(self, sizes: Sequence[int], parameters: torch.Tensor, gradient: torch.Tensor) -> None:
         first, last = sizes[:2], sizes[-2:]
-        inner = slice(_count(first), len(parameters) - _count(last))
+        inner = slice(count_parameters(first), len(parameters) - count_parameters(last))
         self._parameters, self._gradient = parameters[inner], gradient[inner]
         self._rounded = self._parameters.bfloat16()
         self._rounded_gradient = self._gradient.bfloat16()
@@ -126,7 +116,7 @@ class QNetwork:
         device: torch.device,
     ) -> None:
         self.sizes = (observation_size, *hidden, action_count)
-        parameters = torch.zeros(_count(self.sizes), device=device)
+        parameters = torch.zeros(count_parameters(self.sizes), device=device)
         self._lie_in(parameters, torch.zeros_like(parameters))
         self._begin(generator)
 
@@ -140,7 +130,8 @@ class QNetwork:
         self.layers = self._used = tuple(layers_of(self.sizes, parameters))
         self._whole_slopes = self._slopes = tuple(layers_of(self.sizes, gradient))
         self._inner: _InnerLayers | None = None
-        self._elementwise: Elementwise = BY_PYTORCH
+        self._compiles = False
+        self._pass: CompiledPass | None = None
         self._weights, self._weights_gradient = parameters, gradient
 
     def move(self, parameters: torch.Tensor, gradient: torch.Tensor) -> None:
@@ -153,17 +144,17 @@ class QNetwork:
 
     def optimiser(self) -> Adam:
         """Make the optimiser of this network."""
-        kind = CompiledAdam if isinstance(self._elementwise, ByMachineCode) else Adam
+        kind = CompiledAdam if self._compiles else Adam
         return kind(self.parameters, self.gradient)
 
     def learn_in(self, precision: Precision) -> None:
         """Choose the precision of its products in learning; without layers between hidden ones, float32."""
         self._inner, self._used, self._slopes = None, self.layers, self._whole_slopes
-        self._elementwise = fastest(precision, self.parameters.device)
         if precision == "bfloat16" and len(self.layers) > 2:
             self._inner = inner = _InnerLayers(self.sizes, self._weights, self._weights_gradient)
             self._used = (self.layers[0], *inner.layers, self.layers[-1])
             self._slopes = (self._slopes[0], *inner.slopes, self._slopes[-1])
+        self._compiles, self._pass = self._inner is not None and can_compile(self._used), None
 
     def draw_noise(self) -> None:
         """Do nothing: there is no noise in these weights."""
@@ -174,7 +165,7 @@ class QNetwork:
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return Q-values to act by. Shape: (B, S) to (B, A)."""
-        return _outputs(self.layers, observations, BY_PYTORCH)[-1]
+        return _outputs(self.layers, observations)[-1]
 
     def next_values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return Q-values to learn from, in the precision of learning. Shape: (B, S) to (B, A)."""
@@ -196,7 +187,23 @@ class QNetwork:
         """
         if self._inner is not None:
             self._inner.round_weights()
-        return _outputs(self._used, observations, self._elementwise)
+        return _outputs(self._used, observations)
+
+    def find_gradient(
+        self, observations: torch.Tensor, actions: torch.Tensor, targets: torch.Tensor
+    ) -> float:
+        """Write the gradient of the loss into `gradient`, and return the loss.
+
+        Shapes: (B, S), (B,) and (B,).
+        """
+        if not self._compiles or self._inner is None:
+            return find_gradient(self, observations, actions, targets)
+        if self._pass is None or self._pass.rows != len(observations):
+            self._pass = CompiledPass(self._used, self._slopes, len(observations))
+        self._inner.round_weights()
+        loss = self._pass.find_gradient(observations, actions, targets)
+        self._finish_gradient()
+        return loss
 
     def backward(
         self,
@@ -214,14 +221,18 @@ class QNetwork:
             outputs: its result.
             slopes: the loss's derivative with respect to each Q-value. Shape: (B, A).
         """
-        torch.sum(slopes, 0, out=self._slopes[-1].bias)
         for index, layer in reversed(list(enumerate(self._used))):
-            inputs = outputs[index - 1] if index else observations
+            kind = layer.weight.dtype
+            inputs, slopes = (outputs[index - 1] if index else observations).to(kind), slopes.to(kind)
             torch.mm(inputs.t(), slopes, out=self._slopes[index].weight)
+            torch.sum(slopes, 0, out=self._slopes[index].bias)
             if index:
-                slopes = self._elementwise.slopes_before(
-                    torch.mm(slopes, layer.weight.t()), inputs, self._slopes[index - 1].bias
-                )
+                # ReLU's derivative: 1 where its output is more than 0, else 0.
+                slopes = torch.mm(slopes, layer.weight.t()).mul_(inputs.sign())
+        self._finish_gradient()
+
+    def _finish_gradient(self) -> None:
+        """Write into `gradient` what is not yet there."""
         if self._inner is not None:
             self._inner.write_gradient()
 
@@ -276,11 +287,9 @@ class NoisyQNetwork(QNetwork):
             layer.bias.copy_(outputs)
         self._use()
 
-    def backward(
-        self, observations: torch.Tensor, outputs: Sequence[torch.Tensor], slopes: torch.Tensor
-    ) -> None:
-        """Write the gradient with respect to means and spreads into `gradient`; see `QNetwork.backward`."""
-        super().backward(observations, outputs, slopes)
+    def _finish_gradient(self) -> None:
+        """Write the gradient with respect to means and spreads, from that of the weights in use."""
+        super()._finish_gradient()
         mean, spread = torch.split(self.gradient, len(self._mean))
         mean.copy_(self._weights_gradient)
         torch.mul(self._weights_gradient, self._noise, out=spread)
@@ -375,33 +384,14 @@ def _check(mine: Mapping[str, torch.Tensor], theirs: Mapping[str, Any]) -> None:
         raise ValueError(f"the weights do not fit the network: found {found}, expected {expected}")
 
 
-def _outputs(
-    layers: Sequence[Layer], observations: torch.Tensor, elementwise: Elementwise
-) -> list[torch.Tensor]:
-    """Return the output of each layer, hidden ones after their ReLU and in the type of the next layer."""
+def _outputs(layers: Sequence[Layer], observations: torch.Tensor) -> list[torch.Tensor]:
+    """Return the output of each layer, hidden ones after their ReLU."""
     outputs = []
     values = observations
-    for layer, following in itertools.pairwise(layers):
-        values = elementwise.activate(layer(values), following.weight.dtype)
+    for layer in layers[:-1]:
+        values = layer(values).relu_()
         outputs.append(values)
     return [*outputs, layers[-1](values)]
-
-
-def _count(sizes: Sequence[int]) -> int:
-    """Return the number of parameters of layers."""
-    return sum(inputs * outputs + outputs for inputs, outputs in itertools.pairwise(sizes))
-
-
-def layers_of(sizes: Sequence[int], vector: torch.Tensor) -> Iterator[Layer]:
-    """Yield the layers of a vector of parameters, or of one in each row. Shape: (..., parameters)."""
-    start = 0
-    for inputs, outputs in itertools.pairwise(sizes):
-        middle = start + inputs * outputs
-        stop = middle + outputs
-        # With its longer side laid out in rows, a narrow layer's gradient takes a fifth of the time.
-        weight = vector[..., start:middle].unflatten(-1, (min(inputs, outputs), max(inputs, outputs)))
-        yield Layer(weight if inputs < outputs else weight.mT, vector[..., middle:stop])
-        start = stop
 
 
 def _draw(layer: Layer, generator: torch.Generator) -> None:

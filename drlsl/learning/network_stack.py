@@ -5,7 +5,8 @@ from typing import Final, Protocol, TypeAlias
 
 import torch
 
-from drlsl.learning.network import Layer, QNetwork, layers_of
+from drlsl.learning.layers import Layer, layers_of
+from drlsl.learning.network import QNetwork
 
 ALIGNED: Final = 16
 """Numbers of float32 between two places where PyTorch lets memory begin, 64 bytes."""

@@ -9,7 +9,7 @@ from drlsl.driving.drivers import Choice
 from drlsl.learning.adam import Adam
 from drlsl.learning.config import LearningConfig
 from drlsl.learning.dqn import DqnAgent, Lesson, Sight, td_targets
-from drlsl.learning.elementwise import BY_PYTORCH
+from drlsl.learning.loss import td_loss
 from drlsl.learning.network import Network, QNetwork, check_finite
 from drlsl.learning.network_stack import NetworkStack, Values
 from drlsl.learning.replay import Batch, Replay
@@ -100,7 +100,7 @@ class StackedLearner:
         seen = [batch.observations for batch in batches]
         observations: Values = torch.stack(seen) if self._batched else seen
         outputs = self._networks.forward(places, observations)
-        loss = BY_PYTORCH.td_loss(outputs[-1], torch.stack([batch.actions for batch in batches]), targets)
+        loss = td_loss(outputs[-1], torch.stack([batch.actions for batch in batches]), targets)
         losses = [agent.checked(one) for agent, one in zip(agents, loss.value.tolist(), strict=True)]
         self._networks.backward(places, observations, outputs, loss.slopes)
         Adam.step_all([agent.optimiser for agent in agents if isinstance(agent.optimiser, Adam)])

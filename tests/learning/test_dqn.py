@@ -10,6 +10,7 @@ from drlsl.learning import greedy_choice
 from drlsl.learning.config import Bootstrap, LearningConfig, NetworkConfig, make_config
 from drlsl.learning.divergence import DivergedError
 from drlsl.learning.dqn import DqnAgent, td_targets
+from drlsl.learning.loss import td_loss
 from drlsl.learning.replay import Batch
 
 from .layers import linear_layers, plain
@@ -70,6 +71,27 @@ def test_targets_agree_with_a_loop(seed: int, discount: float, bootstrap: Bootst
     np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-5)
 
 
+def test_the_loss_is_the_mean_squared_error_of_the_actions_taken() -> None:
+    values = torch.tensor([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    loss = td_loss(values, torch.tensor([2, 0]), torch.tensor([1.0, 1.0]))
+    assert loss.value.item() == pytest.approx((2.0**2 + 3.0**2) / 2)
+
+
+@given(rows=st.integers(1, 20), seed=st.integers(0, 1_000))
+@settings(max_examples=40, deadline=None)
+def test_the_losss_slopes_are_autograds(rows: int, seed: int) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    values = torch.randn(rows, ACTIONS, generator=generator, requires_grad=True)
+    actions = torch.randint(ACTIONS, (rows,), generator=generator)
+    targets = torch.randn(rows, generator=generator)
+    loss = td_loss(values.detach(), actions, targets)
+    taken = values[torch.arange(rows), actions]
+    expected = torch.nn.functional.mse_loss(taken, targets)
+    expected.backward()
+    torch.testing.assert_close(loss.value, expected.detach())
+    torch.testing.assert_close(loss.slopes, values.grad)
+
+
 @given(
     values=st.lists(st.floats(-1e6, 1e6, width=32), min_size=3, max_size=3),
     offered=st.lists(st.booleans(), min_size=3, max_size=3).filter(any),
@@ -99,6 +121,27 @@ def test_exploration_stays_among_the_offered(offered: list[bool], epsilon: float
 
 def masks(rows: int, *offered: bool) -> np.ndarray:
     return np.tile(np.array(offered, np.bool_), (rows, 1))
+
+
+@given(
+    seed=st.integers(0, 1_000),
+    epsilon=st.sampled_from([0.0, 0.3, 1.0]),
+    offered=st.lists(
+        st.lists(st.booleans(), min_size=ACTIONS, max_size=ACTIONS).filter(any), min_size=1, max_size=9
+    ),
+)
+@settings(max_examples=60, deadline=None)
+def test_exploring_actions_are_those_that_are_drawn_one_after_another(
+    seed: int, epsilon: float, offered: list[list[bool]]
+) -> None:
+    learner, rng = agent(seed=seed), np.random.default_rng(seed)
+    values, free = np.zeros((len(offered), ACTIONS), np.float32), np.array(offered)
+    for _ in range(3):
+        choice = learner.choose(values, free, epsilon)
+        expected = free.argmax(axis=1)
+        for row in np.flatnonzero(rng.random(len(free)) < epsilon):
+            expected[row] = rng.choice(np.flatnonzero(free[row]))
+        assert choice.actions.tolist() == expected.tolist()
 
 
 def test_exploration_reaches_each_offered_action_evenly() -> None:

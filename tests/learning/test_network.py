@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from drlsl.learning import network as network_module
 from drlsl.learning.architectures import SPREAD
-from drlsl.learning.elementwise import BY_PYTORCH, ByMachineCode, Elementwise
-from drlsl.learning.network import Layer, NoisyQNetwork, Policy, QNetwork
+from drlsl.learning.layers import Layer
+from drlsl.learning.network import NoisyQNetwork, Policy, QNetwork
 
 from .layers import linear_layers
 
@@ -74,7 +73,6 @@ def rounded(layer: nn.Linear, values: torch.Tensor) -> torch.Tensor:
     return low.relu().float()
 
 
-@pytest.mark.parametrize("way", [BY_PYTORCH, ByMachineCode()])
 @given(
     sizes=st.lists(st.integers(1, 40), min_size=4, max_size=6),
     rows=st.integers(1, 40),
@@ -82,12 +80,10 @@ def rounded(layer: nn.Linear, values: torch.Tensor) -> torch.Tensor:
 )
 @settings(max_examples=60, deadline=None)
 def test_the_gradient_in_bfloat16_is_autograds_through_the_same_roundings(
-    way: Elementwise, sizes: list[int], rows: int, seed: int
+    sizes: list[int], rows: int, seed: int
 ) -> None:
     source, plain = network(seed, sizes), reference(network(seed, sizes))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(network_module, "fastest", lambda *_: way)
-        source.learn_in("bfloat16")
+    source.learn_in("bfloat16")
     generator = torch.Generator().manual_seed(seed)
     observations = torch.rand(rows, sizes[0], generator=generator)
     slopes = torch.randn(rows, sizes[-1], generator=generator)
