@@ -13,6 +13,7 @@ from drlsl.driving.shield import Decisions, Shield
 from drlsl.logic import Engine
 from drlsl.lowering.ir import Schema
 from drlsl.shield import Facts
+from drlsl.traffic import Mask
 
 ACTIONS, SPEED, OBSERVATION, FRONT, ENTRY, LANE, COMFORT = (
     Question(one.goal, one.mode)
@@ -84,7 +85,7 @@ class DrivingRules(TestedRules):
             yield Answered({} if failure else _answers(decisions, entries, index), failure)
 
 
-def _answers(decisions: Decisions, entries: Sequence[bool], index: int) -> Mapping[Question, Solutions]:
+def _answers(decisions: Decisions, entries: Mask, index: int) -> Mapping[Question, Solutions]:
     """Return one scene's decision as the solutions of the corresponding goals."""
     offered: list[Any] = [atom for atom, on in zip(ATOMS, decisions.action_mask[index], strict=True) if on]
     holds: Final[list[Mapping[str, Any]]] = [{}]

@@ -39,7 +39,7 @@ class CompiledPass:
         self._half_slopes = [_Memory(rows, width, torch.bfloat16) for width in widths]
         """The loss's derivatives in what is in `halves`."""
         self._first_slopes = _Memory(rows, widths[0], torch.float32)
-        self._loss = np.zeros(1, np.float32)
+        self._loss, self._line = np.zeros(1, np.float32), np.zeros((2, widths[-1]), np.float32)
         # A layer's weights lie in rows of the longer side: of the last one's, a row for each action.
         last, last_slopes = layers[-1], slopes[-1]
         self._weights = array_of(last.weight.mT)
@@ -65,6 +65,7 @@ class CompiledPass:
             self._bias_slopes,
             self._half_slopes[-1].array,
             self._sums[-1],
+            self._line,
             self._loss,
         )
         if not known:
@@ -162,18 +163,21 @@ def go_back_to_halves(
     bias_slopes: Singles1,
     result: Halves2,
     sums: Halves1,
+    scratch: Singles2,
     loss: Singles1,
 ) -> bool:
     """Write the loss, the last layer's gradient, and the derivatives before its inputs' ReLU in bfloat16.
 
     Of each row's values that of one action counts. `weights`: a row for each action. `sums`: of the
-    derivatives over the rows. Returns False if there is no such action: machine code looks where it is told.
+    derivatives over the rows. `scratch`: two rows as wide as those of `inputs`. Returns False if there is no
+    such action: machine code looks where it is told.
 
     Source: Eq. 1.
     """
     width = inputs.shape[1]
-    line, totals = np.zeros(width, np.float32), np.zeros(width, np.float32)
+    line, totals = scratch[0], scratch[1]
     bits, total_bits = line.view(np.uint32), totals.view(np.uint32)
+    totals[:] = 0.0
     weight_slopes[:] = 0.0
     bias_slopes[:] = 0.0
     total, scale = 0.0, np.float32(2.0 / len(values))

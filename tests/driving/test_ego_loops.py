@@ -119,30 +119,6 @@ def test_machine_code_does_what_the_function_does(
         np.testing.assert_array_equal(one, other, err_msg=name)
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.integers(0, 400), min_size=1, max_size=9))
-def test_pieces_of_a_frame_are_fetched_from_the_least_to_the_last(pieces: list[int]) -> None:
-    words = np.array([5000, *pieces, 5000], dtype=np.int32)
-    least, last = ego_loops.pieces_between(words, 1, len(pieces) + 1)
-    there = [one for one in pieces if one > 0]
-    assert last == max(pieces)
-    assert least == max(min(there), last - ego_loops.NEAR) if there else least == 0
-
-
-def test_a_large_table_is_read_as_a_small_one_is() -> None:
-    names = tuple(name for name in ego_loops.look.__annotations__ if name != "return")
-    small, large = (Drawn(4, 9, 3, 5).arguments(names) for _ in range(2))
-    table = names.index("table")
-    rows = np.zeros((ego_loops.LARGE + 1, 5), dtype=np.int32)
-    rows[: len(small[table])] = small[table]
-    large[table] = rows
-    for arguments in (small, large):
-        machine_code(ego_loops.look)(*arguments)
-    for name, one, other in zip(names, small, large, strict=True):
-        if name != "table":
-            np.testing.assert_array_equal(one, other, err_msg=name)
-
-
 def test_an_array_of_another_kind_is_refused() -> None:
     names = tuple(name for name in ego_loops.drive.__annotations__ if name != "return")
     arguments = Drawn(0, 3, 2, 2).arguments(names)

@@ -109,7 +109,7 @@ def test_every_decision_is_of_its_own_scene(tier: str, count: int) -> None:
                 case 2:
                     return plain(shield.decide_batch(SceneBatch.of([made[place]])))
                 case _:
-                    return shield.entries_are_safe(SceneBatch.of(made[place : place + 3]))
+                    return shield.entries_are_safe(SceneBatch.of(made[place : place + 3])).tolist()
 
         return one
 

@@ -162,7 +162,8 @@ def example(function: Callable[..., Any], rng: np.random.Generator) -> list[Any]
         taken = rng.integers(actions, size=rows)
         bias_slopes, loss = np.full(actions, 7, np.float32), np.full(1, 7, np.float32)
         targets = singles[1, :, 0].copy()
-        return [values, taken, targets, singles[0], weights, slopes, bias_slopes, left, right[0].copy(), loss]
+        learnt = [weights, slopes, bias_slopes, left, right[0].copy()]
+        return [values, taken, targets, singles[0], *learnt, np.full((2, width), 7, np.float32), loss]
     vectors = [one.ravel().copy() for one in (singles[0], singles[1], singles[0], singles[1] ** 2)]
     return [*vectors, float(rng.random()), float(rng.integers(1, 100))]
 

@@ -42,6 +42,7 @@ from drlsl.logic.terms import NIL, Struct
 from drlsl.lowering.backends import BatchProgram, compile_scalar, machine_code
 from drlsl.lowering.frontend import Lowered, Query, array_forms, lower
 from drlsl.lowering.ir import Bag, Node, NotLowerable, Sym, Undecided, emitted, resolve
+from drlsl.traffic import Mask
 
 _NUMBERS: Final = frozenset({"int", "float", "number"})
 
@@ -153,7 +154,7 @@ class ArrayTier:
         (safe,), undecided = self.entries_are_safe(_alone(scene))
         if undecided:
             raise Undecided
-        return safe
+        return bool(safe)
 
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
@@ -191,10 +192,10 @@ class ArrayTier:
         )
         return decisions, doubtful.nonzero()[0].tolist() if any_doubtful else []
 
-    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[Mask, Undecidable]:
         """Return whether the ego may enter where each scene places it."""
         (entry,), undecided = self._entry(scenes)
-        return entry.value.tolist(), np.flatnonzero(undecided).tolist()
+        return np.array(entry.value), undecided.nonzero()[0].tolist()
 
 
 def _alone(scene: Scene) -> SceneBatch:

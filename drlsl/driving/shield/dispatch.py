@@ -12,6 +12,7 @@ from drlsl.driving.shield.decision import Decision, Decisions
 from drlsl.driving.shield.interpreter import Interpreter
 from drlsl.driving.shield.tier import Tier, Undecidable
 from drlsl.shield import array_compiler, fastest_for_many
+from drlsl.traffic import Mask
 
 FEW: Final = 8
 """Batches of fewer scenes are answered faster one scene at a time."""
@@ -61,7 +62,7 @@ class BySize:
         """Return the decision about each scene."""
         return self._for(scenes).decide(scenes)
 
-    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[Mask, Undecidable]:
         """Return whether the ego may enter where each scene places it."""
         return self._for(scenes).entries_are_safe(scenes)
 

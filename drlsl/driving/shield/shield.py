@@ -25,6 +25,7 @@ from drlsl.shield import consult_rules, program_files
 if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch
     from drlsl.driving.shield.tier import Tier
+    from drlsl.traffic import Mask
 
 T = TypeVar("T")
 
@@ -166,8 +167,8 @@ class Shield:
                 self._interpreter.decide_into(decisions, index, scenes.scene(index))
             return decisions
 
-    def entries_are_safe(self, scenes: SceneBatch) -> list[bool]:
-        """Return whether the ego may enter where each scene places it; False if the rules fail.
+    def entries_are_safe(self, scenes: SceneBatch) -> Mask:
+        """Return whether the ego may enter where each scene places it, shape (N,); False if the rules fail.
 
         Raises:
             UserError: the tier cannot run the program.

@@ -14,6 +14,7 @@ from drlsl.lowering.ir import Undecided
 
 if TYPE_CHECKING:
     from drlsl.driving.scene import SceneBatch
+    from drlsl.traffic import Mask
 
 Undecidable: TypeAlias = list[int]
 """Indexes of the scenes that a tier leaves to the interpreter; its answers for them are undefined."""
@@ -46,7 +47,7 @@ class Tier(Protocol):
     def decide(self, scenes: SceneBatch) -> tuple[Decisions, Undecidable]:
         """Return the decision about each scene."""
 
-    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[Mask, Undecidable]:
         """Return whether the ego may enter where each scene places it; False if the rules fail."""
 
 
@@ -115,9 +116,11 @@ class SceneTier(ABC):
         except RuleFailure as failure:
             decisions.put(index, fail_safe(scene, self.observation), str(failure))
 
-    def entries_are_safe(self, scenes: SceneBatch) -> tuple[list[bool], Undecidable]:
+    def entries_are_safe(self, scenes: SceneBatch) -> tuple[Mask, Undecidable]:
         """Return whether the ego may enter where each scene places it."""
-        answers, left = [False] * len(scenes), []
+        import numpy as np
+
+        answers, left = np.zeros(len(scenes), np.bool_), []
         for index in range(len(scenes)):
             try:
                 answers[index] = self.is_surely_safe_entry(scenes.scene(index))

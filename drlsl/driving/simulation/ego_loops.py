@@ -37,17 +37,6 @@ LEFT: Final = 1
 FETCHED: Final = 6
 """Egos whose rows of a film are fetched ahead of the one that is looked at."""
 
-PIECES_FETCHED: Final = 3
-"""Egos whose pieces are fetched ahead, once their rows are there."""
-
-LARGE: Final = 20_000
-"""Rows of a table of pieces, 20 bytes each, that do not stay in the processor's nearer caches."""
-
-NEAR: Final = 150
-"""Pieces that are fetched, at most, up to the last one of a frame: those of a frame follow each other."""
-
-LARGEST_PIECE: Final = 2**31 - 1
-
 CONTACT, OFF_ROAD, TERMINATED, TRUNCATED, ENTERS, PLAYING = range(6)
 """The rows of the events of a step."""
 
@@ -220,21 +209,13 @@ def look(
     `cells` and `table` are those of `Films`. `lag` and `lag_speed` (N, S) are those of traffic that reacts,
     or of no rows.
     """
-    slots, numbers_of_table = valid.shape[1], table.reshape(table.shape[0] * table.shape[1])
-    any_touches = False
+    slots, any_touches = valid.shape[1], False
     for place in range(len(places)):
         if place + FETCHED < len(places):
             later = places[place + FETCHED]
             size = CELL * own_slots[later]
             begin = cells_begin[later] + min(frame[later], frames[later] - 1) * size
             prefetch(cells, begin, begin + size)
-        if len(table) > LARGE and place + PIECES_FETCHED < len(places):
-            later = places[place + PIECES_FETCHED]
-            own = own_slots[later]
-            begin = cells_begin[later] + min(frame[later], frames[later] - 1) * CELL * own
-            least, last = pieces_between(cells, begin + PIECE * own, begin + CELL * own)
-            least, last = first_piece[later] + least, first_piece[later] + last
-            prefetch(numbers_of_table, table.shape[1] * least, table.shape[1] * (last + 1))
         ego = places[place]
         own = own_slots[ego]
         begin = cells_begin[ego] + min(frame[ego], frames[ego] - 1) * CELL * own
@@ -279,15 +260,6 @@ def look(
         valid[place, 0], vehicle[place, 0] = True, EGO
         any_touches |= touches
     return any_touches
-
-
-def pieces_between(piece: Words1, begin: int, end: int) -> tuple[int, int]:
-    """Return the least and the last of the pieces in a part of an array, at most `NEAR` apart."""
-    least, last = LARGEST_PIECE, 0
-    for at in range(begin, end):
-        last = max(last, piece[at])
-        least = min(least, piece[at] if piece[at] > 0 else LARGEST_PIECE)
-    return min(max(least, last - NEAR), last), last
 
 
 def finish(

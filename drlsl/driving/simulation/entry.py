@@ -171,7 +171,7 @@ class Entries:
         """Query the rules about some frames."""
         frames = np.array(sorted({frame for frame in wanted if frame not in self._known}))
         scenes, speed = self._scenes(frames)
-        safe = np.array(self._shield.entries_are_safe(scenes)).reshape(speed.shape)
+        safe = self._shield.entries_are_safe(scenes).reshape(speed.shape)
         for frame, here, speeds in zip(frames.tolist(), safe, speed, strict=True):
             places = here.nonzero()[0]
             self._known[frame] = places, speeds[places]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from functools import lru_cache
+from typing import Final, Self
 
 import numpy as np
 
@@ -210,8 +211,14 @@ def _with_ramps(
 
 
 def road_of(recording: Recording, radar_range: float) -> Road:
-    """Return the road of `recording` for an ego that sees `radar_range` [m] far."""
-    return Road(recording.lanes, recording.dt, radar_range)
+    """Return the road of `recording` for an ego that sees `radar_range` [m] far.
+
+    Equal roads are one object: their facts are kept by road, and it is compared with itself at once.
+    """
+    return _road(recording.lanes, recording.dt, radar_range)
+
+
+_road: Final = lru_cache(maxsize=256)(Road)
 
 
 def lane_table(roads: Sequence[Sequence[Lane]], nowhere: float) -> tuple[Integers, Floats, Floats]:
