@@ -48,6 +48,15 @@ class Rows:
         return 1
 
 
+class Layout(NamedTuple):
+    """The columns that a program reads of a relation, the bound of its floats, and the types of kinds."""
+
+    relation: Relation
+    used: Sequence[int]
+    bound: float
+    kinds: Mapping[Kind, Any]
+
+
 def _common(lengths: Iterable[int]) -> int:
     """Return the common length of an axis of arrays; length 1 fits any."""
     return next((length for length in lengths if length != 1), 1)
@@ -125,7 +134,9 @@ class BatchProgram(ABC, Generic[A]):
 class TextProgram(BatchProgram[A]):
     """A program whose function is the text of `ArrayPrinter`."""
 
-    def __init__(self, lowered: Lowered, precision: Precision) -> None:
+    def __init__(
+        self, lowered: Lowered, precision: Precision, kinds_of: Callable[[Precision], Mapping[Kind, Any]]
+    ) -> None:
         if precision not in ("float64", "float32"):
             raise ValueError(f"{precision}: expected float64 or float32")
         printer = ArrayPrinter(lowered)
@@ -135,7 +146,11 @@ class TextProgram(BatchProgram[A]):
         self._function: Callable[[Any, Mapping[Any, Table]], Iterable[tuple[Any, ...]]] = namespace["answer"]
         self._lowered_answers: Sequence[Answer] = lowered.answers
         self._shapes = printer.shapes
-        self._bound = FLOAT_BOUND if precision == "float64" else FLOAT32_BOUND
+        self._kinds: Final = kinds_of(precision)
+        bound = FLOAT_BOUND if precision == "float64" else FLOAT32_BOUND
+        self._layouts: Final = {
+            key: Layout(relation, used, bound, self._kinds) for key, (relation, used) in self._columns.items()
+        }
 
     def table(self, name: str, arity: int, rows: Rows) -> Table:
         """Return the rows of a relation, prepared for facts that stay the same from call to call.
@@ -143,7 +158,7 @@ class TextProgram(BatchProgram[A]):
         Raises:
             ValueError: a column is missing, or of another shape or kind.
         """
-        table = self._table(*self._columns[name, arity], rows)
+        table = self._table(self._layouts[name, arity], rows)
         table.look()
         return table
 
@@ -154,11 +169,11 @@ class TextProgram(BatchProgram[A]):
             ValueError: a relation or a column is missing, or the shapes or kinds do not fit.
         """
         tables: dict[tuple[str, int], Table] = {}
-        for (name, arity), (relation, used) in self._columns.items():
+        for (name, arity), layout in self._layouts.items():
             given = facts.get((name, arity))
             if given is None:
                 raise ValueError(f"no facts of {name}/{arity}")
-            tables[name, arity] = given if isinstance(given, Table) else self._table(relation, used, given)
+            tables[name, arity] = given if isinstance(given, Table) else self._table(layout, given)
         scenes = _common(given.scenes for given in facts.values())
         for (name, arity), given in facts.items():
             if given.scenes not in (1, scenes):
@@ -166,7 +181,7 @@ class TextProgram(BatchProgram[A]):
         return self._answers(tables, scenes)
 
     @abstractmethod
-    def _table(self, relation: Relation, used: Sequence[int], rows: Rows) -> Table:
+    def _table(self, layout: Layout, rows: Rows) -> Table:
         """Return the rows in the form that the program reads."""
 
     def _answers(self, tables: Mapping[Any, Table], scenes: int) -> BatchResult[A]:
@@ -247,11 +262,11 @@ class Table(ABC):
     `scenes` is their number, 1 if all share the rows; `valid` marks the rows that exist.
     """
 
-    __slots__ = ("_always_there", "_bound", "_columns", "_is_sound", "_relation", "scenes", "valid")
+    __slots__ = ("_always_there", "_bound", "_columns", "_is_sound", "_kinds", "_relation", "scenes", "valid")
 
-    def __init__(self, relation: Relation, used: Sequence[int], rows: Rows, bound: float) -> None:
+    def __init__(self, layout: Layout, rows: Rows) -> None:
+        relation, used, self._bound, self._kinds = layout
         self._relation = relation
-        self._bound = bound  # of floats
         if len(rows.columns) != relation.arity:
             raise ValueError(f"{self}: {len(rows.columns)} columns")
         self._columns: dict[int, Any] = {}

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from drlsl.lowering.backends.array_loops import ArrayLoopPrinter, Given, Kind, Parameter
-from drlsl.lowering.backends.batch_program import BatchAnswer, BatchProgram, BatchResult, Rows
+from drlsl.lowering.backends.batch_program import BatchAnswer, BatchProgram, BatchResult, Layout, Rows
 from drlsl.lowering.backends.numpy_backend import Table
 from drlsl.lowering.backends.numpy_ops import Array
 from drlsl.lowering.frontend import Lowered
@@ -169,7 +169,7 @@ class NumbaProgram(BatchProgram[Array]):
         relation = given.relation
         if rows is None:
             raise ValueError(f"no facts of {relation.name}/{relation.arity}")
-        table = Table(relation, tuple(given.columns), rows, FLOAT_BOUND, _DTYPES)
+        table = Table(Layout(relation, tuple(given.columns), FLOAT_BOUND, _DTYPES), rows)
         columns = [
             _scenes_first(table.column(place), given.valid, table.scenes) if place in given.columns else None
             for place in range(relation.arity)

@@ -8,11 +8,19 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from drlsl.lowering.backends.arrays import ArrayPrinter
-from drlsl.lowering.backends.batch_program import BatchAnswer, BatchResult, Kind, Precision, Rows, TextProgram
+from drlsl.lowering.backends.batch_program import (
+    BatchAnswer,
+    BatchResult,
+    Kind,
+    Layout,
+    Precision,
+    Rows,
+    TextProgram,
+)
 from drlsl.lowering.backends.batch_program import Table as BatchTable
 from drlsl.lowering.backends.numpy_ops import Array, Mask, Ops
 from drlsl.lowering.frontend import Lowered
-from drlsl.lowering.ir import INT_BOUND, Relation
+from drlsl.lowering.ir import INT_BOUND
 
 __all__ = ["ArrayAnswer", "ArrayProgram", "ArrayResult", "Rows", "Table", "compile_numpy", "numpy_source"]
 
@@ -46,14 +54,13 @@ class ArrayProgram(TextProgram[Array]):
     """A lowered program, ready for NumPy arrays."""
 
     def __init__(self, lowered: Lowered, dtype: Precision) -> None:
-        super().__init__(lowered, dtype)
-        self._kinds = _kinds(dtype)
+        super().__init__(lowered, dtype, _kinds)
         # glibc learns from the first large block that is freed to keep freed memory; without that the arrays
         # of each call cost a quarter of its time in page faults.
         np.empty(_LARGE_BLOCK, dtype=np.uint8)
 
-    def _table(self, relation: Relation, used: Sequence[int], rows: Rows) -> Table:
-        return Table(relation, used, rows, self._bound, self._kinds)
+    def _table(self, layout: Layout, rows: Rows) -> Table:
+        return Table(layout, rows)
 
     def _chunk(self, tables: Mapping[Any, BatchTable], scenes: int) -> ArrayResult:
         with np.errstate(all="ignore"):  # an operation may fail in rows that no rule reads
@@ -79,19 +86,11 @@ def _kinds(dtype: Precision) -> Mapping[Kind, np.dtype[Any]]:
 class Table(BatchTable):
     """The columns of one relation that are read, as NumPy arrays."""
 
-    __slots__ = ("_kinds",)
+    __slots__ = ()
 
-    def __init__(
-        self,
-        relation: Relation,
-        used: Sequence[int],
-        rows: Rows,
-        bound: float,
-        kinds: Mapping[Kind, np.dtype[Any]],
-    ) -> None:
-        self._kinds = kinds
+    def __init__(self, layout: Layout, rows: Rows) -> None:
         with np.errstate(all="ignore"):  # values that do not fit are found by checking
-            super().__init__(relation, used, rows, bound)
+            super().__init__(layout, rows)
             self.look()
 
     def _is_of(self, column: Array, kind: Kind) -> bool:

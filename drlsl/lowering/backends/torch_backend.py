@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from drlsl.lowering.backends.batch_program import Kind, Precision, Rows, Table, TextProgram
+from drlsl.lowering.backends.batch_program import Kind, Layout, Precision, Rows, Table, TextProgram
 from drlsl.lowering.backends.numpy_backend import is_of
 from drlsl.lowering.backends.torch_ops import Constants, Ops
 from drlsl.lowering.frontend import Lowered
-from drlsl.lowering.ir import INT_BOUND, Relation
+from drlsl.lowering.ir import INT_BOUND
 
 CHUNK: Final = 2048
 """Number of scenes that a processor answers together: more do not fit its cache."""
@@ -48,17 +48,12 @@ class TorchProgram(TextProgram[Tensor]):
     """A lowered program, ready for Torch tensors."""
 
     def __init__(self, lowered: Lowered, dtype: Precision, device: torch.device) -> None:
-        super().__init__(lowered, dtype)
+        super().__init__(lowered, dtype, _kinds)
         self.device: Final = device
-        self._kinds: Final[Mapping[Kind, torch.dtype]] = {
-            "bool": torch.bool,
-            "int": torch.int64,
-            "float": _PRECISIONS[dtype],
-        }
         self._constants: Final[Constants] = {}
 
-    def _table(self, relation: Relation, used: Sequence[int], rows: Rows) -> TorchTable:
-        return TorchTable(relation, used, rows, self._bound, self._kinds, self.device)
+    def _table(self, layout: Layout, rows: Rows) -> TorchTable:
+        return TorchTable(layout, rows, self.device)
 
     def _ops(self, scenes: int) -> Ops:
         return Ops(self._kinds["float"], self.device, scenes, self._constants)
@@ -73,23 +68,18 @@ class TorchProgram(TextProgram[Tensor]):
         return torch.cat(list(parts))
 
 
+def _kinds(dtype: Precision) -> Mapping[Kind, torch.dtype]:
+    return {"bool": torch.bool, "int": torch.int64, "float": _PRECISIONS[dtype]}
+
+
 class TorchTable(Table):
     """The columns of one relation that are read, as tensors."""
 
-    __slots__ = ("_device", "_kinds")
+    __slots__ = ("_device",)
 
-    def __init__(
-        self,
-        relation: Relation,
-        used: Sequence[int],
-        rows: Rows,
-        bound: float,
-        kinds: Mapping[Kind, torch.dtype],
-        device: torch.device,
-    ) -> None:
-        self._kinds = kinds
+    def __init__(self, layout: Layout, rows: Rows, device: torch.device) -> None:
         self._device = device
-        super().__init__(relation, used, rows, bound)
+        super().__init__(layout, rows)
         if device.type == "cpu":  # this would wait for any other device
             self.look()
 
