@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar, NamedTuple
 
 from drlsl.logic.terms import NIL, Atom, Struct
 from drlsl.lowering.backends.expressions import CHOICE, OR
@@ -62,12 +63,28 @@ class SolutionLoops(LoopPrinter):
             self.collect(tree, name)
 
 
+class ListWords(NamedTuple):
+    """A language's words about a list, each with `{name}` for its name.
+
+    `start`: the statement that makes it, of `{items}`; `append`: the one that adds an `{item}`; `distinct`:
+    its items without those that came before; `first`: its first item, nothing if it is empty.
+    """
+
+    start: str
+    append: str
+    distinct: str
+    first: str
+
+
 class AnswerLists(SolutionLoops):
     """Writes answers in a language that has lists: a solution is a value, or a tuple of several."""
 
-    @abstractmethod
+    lists: ClassVar[ListWords]
+    none: ClassVar[str]
+
     def sequence(self, items: Sequence[str]) -> str:
         """Return a list."""
+        return f"[{', '.join(items)}]"
 
     @abstractmethod
     def several(self, items: Sequence[str]) -> str:
@@ -80,24 +97,6 @@ class AnswerLists(SolutionLoops):
     @abstractmethod
     def string(self, text: str) -> str:
         """Return a string of Prolog."""
-
-    @abstractmethod
-    def distinct(self, name: str) -> str:
-        """Return the items of a list without those that came before."""
-
-    @abstractmethod
-    def first_item(self, name: str) -> str:
-        """Return the first item of a list, nothing if it is empty."""
-
-    @abstractmethod
-    def append(self, name: str, item: str) -> None:
-        """Write what adds an item to a list."""
-
-    @abstractmethod
-    def start_list(self, name: str, items: Sequence[str]) -> None:
-        """Write a variable that holds a list."""
-
-    none: str
 
     def answer(self, answer: Answer) -> str:
         """Write what computes an answer; return its text."""
@@ -113,11 +112,17 @@ class AnswerLists(SolutionLoops):
             return self._chosen(answer)
         name = self._solutions(answer.tree, answer.query.name)
         if mode == "set":
-            return self.distinct(name)
-        return name if mode == "all" else self.first_item(name)
+            return self.lists.distinct.format(name=name)
+        return name if mode == "all" else self.lists.first.format(name=name)
 
     def emit(self, terms: Sequence[Sym], name: str) -> None:
-        self.append(name, self._terms(terms))
+        self._append(name, self._terms(terms))
+
+    def _append(self, name: str, item: str) -> None:
+        self.write(self.lists.append.format(name=name, item=item))
+
+    def _start(self, name: str, items: Sequence[str]) -> None:
+        self.write(self.lists.start.format(name=name, items=self.sequence(items)))
 
     def _chosen(self, answer: Answer) -> str:
         """Return the list of the values that are solutions."""
@@ -125,19 +130,19 @@ class AnswerLists(SolutionLoops):
         sure = [value for value, cond in answer.choices or () if cond is self.pool.true]
         assert answer.choices is not None
         start = sure[:1] if answer.choices[:1] == tuple((value, self.pool.true) for value in sure[:1]) else []
-        self.start_list(name, list(map(self._term, start)))
+        self._start(name, list(map(self._term, start)))
         for value, cond in answer.choices[len(start) :]:
             if cond is self.pool.true:
-                self.append(name, self._term(value))
+                self._append(name, self._term(value))
                 continue
             with self.block(self.test(self.text(cond, CHOICE))):
-                self.append(name, self._term(value))
+                self._append(name, self._term(value))
         return name
 
     def _solutions(self, tree: Tree, hint: str) -> str:
         """Return the list of all solutions of a tree."""
         name = self.names.new(hint)
-        self.start_list(name, [])
+        self._start(name, [])
         self.collect(tree, name)
         return name
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from importlib.resources import files
 
-from drlsl.lowering.backends.answer_lists import AnswerLists, results_of
+from drlsl.lowering.backends.answer_lists import AnswerLists, ListWords, results_of
 from drlsl.lowering.backends.curly import CurlyLoops, constant, field_name, support
 from drlsl.lowering.backends.expressions import CHOICE, lookup_value
 from drlsl.lowering.frontend import Lowered
@@ -42,6 +42,12 @@ class _Printer(CurlyLoops, AnswerLists):
 
     infinity, equal, unequal, none = "Infinity", "===", "!==", "null"
     counter, fixed = "let", "const"
+    lists = ListWords(
+        start="const {name} = {items};",
+        append="{name}.push({item});",
+        distinct="distinct({name})",
+        first="{name}.length > 0 ? {name}[0] : null",
+    )
 
     def __init__(self, lowered: Lowered) -> None:
         super().__init__(lowered, results_of(lowered.pool, lowered.answers))
@@ -100,9 +106,6 @@ class _Printer(CurlyLoops, AnswerLists):
             else constant(value, "NaN", "Infinity")
         )
 
-    def sequence(self, items: Sequence[str]) -> str:
-        return f"[{', '.join(items)}]"
-
     def several(self, items: Sequence[str]) -> str:
         return self.sequence(items)
 
@@ -111,15 +114,3 @@ class _Printer(CurlyLoops, AnswerLists):
 
     def string(self, text: str) -> str:
         return json.dumps(text)
-
-    def distinct(self, name: str) -> str:
-        return f"distinct({name})"
-
-    def first_item(self, name: str) -> str:
-        return f"{name}.length > 0 ? {name}[0] : null"
-
-    def append(self, name: str, item: str) -> None:
-        self.write(f"{name}.push({item});")
-
-    def start_list(self, name: str, items: Sequence[str]) -> None:
-        self.write(f"const {name} = {self.sequence(items)};")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeAlias
 
-from drlsl.lowering.backends.answer_lists import AnswerLists, results_of
+from drlsl.lowering.backends.answer_lists import AnswerLists, ListWords, results_of
 from drlsl.lowering.backends.expressions import ATOMIC, CHOICE, COMPARISON, is_lookup, lookup_value
 from drlsl.lowering.backends.python_text import PythonLoops
 from drlsl.lowering.backends.scalar_support import SUPPORT, Facts, blank_row, row_reader
@@ -44,6 +44,14 @@ def scalar_source(lowered: Lowered) -> str:
 
 class _Printer(PythonLoops, AnswerLists):
     """Writes the function for one lowered program."""
+
+    none = "None"
+    lists = ListWords(
+        start="{name} = {items}",
+        append="{name}.append({item})",
+        distinct="[item for n, item in enumerate({name}) if item not in {name}[:n]]",
+        first="{name}[0] if {name} else None",
+    )
 
     def __init__(self, lowered: Lowered) -> None:
         super().__init__(lowered, Names(_RESERVED), results_of(lowered.pool, lowered.answers))
@@ -130,11 +138,6 @@ class _Printer(PythonLoops, AnswerLists):
             return f"{key} in {table}", COMPARISON
         return f"{table}.get({key}, {self.no_row(relation)})", ATOMIC
 
-    none = "None"
-
-    def sequence(self, items: Sequence[str]) -> str:
-        return f"[{', '.join(items)}]"
-
     def several(self, items: Sequence[str]) -> str:
         return f"({', '.join(items)})"
 
@@ -143,18 +146,6 @@ class _Printer(PythonLoops, AnswerLists):
 
     def string(self, text: str) -> str:
         return f"String({text!r})"
-
-    def distinct(self, name: str) -> str:
-        return f"[item for n, item in enumerate({name}) if item not in {name}[:n]]"
-
-    def first_item(self, name: str) -> str:
-        return f"{name}[0] if {name} else None"
-
-    def append(self, name: str, item: str) -> None:
-        self.write(f"{name}.append({item})")
-
-    def start_list(self, name: str, items: Sequence[str]) -> None:
-        self.write(f"{name} = {self.sequence(items)}")
 
     def nothing(self) -> None:
         self.write("pass")
