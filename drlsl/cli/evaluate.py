@@ -12,12 +12,12 @@ import typer
 from drlsl.cli.episode_folder import EpisodeFolder, EpisodesAs, EpisodesOut
 from drlsl.cli.options import (
     Direction,
+    DriveSettings,
     EpisodeSeed,
     check_new,
     config_and_arguments,
-    one_or_several,
+    env_flags,
     recordings,
-    several,
 )
 from drlsl.errors import UserError
 
@@ -67,15 +67,6 @@ Who = Annotated[
         "PACKAGE.MODULE:NAME, or a model that Stable-Baselines3 saved (.zip).",
     ),
 ]
-Settings = Annotated[
-    list[str] | None,
-    several(
-        "--set",
-        "KEY=VALUE",
-        "Any other setting of env, such as env.traffic=reactive, or of the driver, such as "
-        "driver.politeness=0.2; may be repeated.",
-    ),
-]
 Episodes = Annotated[
     int | None, typer.Option(min=1, help="Episodes; default: evaluation.episodes of the run.")
 ]
@@ -112,7 +103,7 @@ def evaluate(
     rules: OtherRules = None,
     track_length: TrackLength = None,
     seed: EpisodeSeed = None,
-    settings: Settings = None,
+    settings: DriveSettings = None,
     out: Result = None,
     episodes_out: EpisodesOut = None,
     episodes_as: EpisodesAs = "npz",
@@ -131,13 +122,9 @@ def evaluate(
 
     run = None if _is_driver(who) else RunFolder.open(Path(who))
     check_new(episodes_out, "episodes")
-    flags = {
-        "env.recording": one_or_several(recording),
-        "env.direction": direction,
-        "env.rules": [str(path) for path in rules] if rules else None,
-        "env.track_length": track_length,
-    }
-    config, arguments = config_and_arguments(run, settings, flags)
+    config, arguments = config_and_arguments(
+        run, settings, env_flags(recording, direction, rules, track_length)
+    )
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
     name, wants = (who, "preferences") if run is None else (POLICY, "Q-values")

@@ -25,9 +25,16 @@ def recordings(incomplete: str) -> list[str]:
     return [name for name in bundled_recordings() if name.startswith(incomplete)]
 
 
-def one_or_several(named: list[str] | None) -> str | list[str] | None:
-    """Return the recordings that an option names, as `env.recording` has them; None if it names none."""
-    return named[0] if named and len(named) == 1 else named or None
+def env_flags(
+    recordings: list[str] | None, direction: str | None, rules: list[Path] | None, track_length: float | None
+) -> dict[str, object]:
+    """Return what options say of an environment, by the keys of its settings; None if one is not given."""
+    return {
+        "env.recording": recordings[0] if recordings and len(recordings) == 1 else recordings or None,
+        "env.direction": direction,
+        "env.rules": [str(path) for path in rules] if rules else None,
+        "env.track_length": track_length,
+    }
 
 
 def presets(incomplete: str) -> list[str]:
@@ -59,6 +66,19 @@ Rules = Annotated[
 ]
 RuleFiles = Annotated[
     list[Path] | None, typer.Argument(metavar="[FILE]...", help="Rule files; default: highway.pl.")
+]
+Properties = Annotated[
+    list[Path] | None,
+    several("--property", "FILE", "A file of properties instead of properties.pl; give it again for more."),
+]
+DriveSettings = Annotated[
+    list[str] | None,
+    several(
+        "--set",
+        "KEY=VALUE",
+        "Any other setting of env, such as env.traffic=reactive, or of the driver, such as "
+        "driver.politeness=0.2; may be repeated.",
+    ),
 ]
 EpisodeSeed = Annotated[
     int | None, typer.Option(min=0, help="Seed of the episodes; default: that of the run.")

@@ -11,7 +11,7 @@ import typer
 
 from drlsl.cli.drivers import loaded_driver
 from drlsl.cli.failures import failures_as_errors
-from drlsl.cli.options import EpisodeSeed, Rules, config_and_arguments, several
+from drlsl.cli.options import DriveSettings, EpisodeSeed, Rules, config_and_arguments
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -40,15 +40,6 @@ ShieldState = Annotated[Literal["on", "off"], typer.Option(help="Offer only safe
 Which = Annotated[
     int, typer.Option(min=1, help="Which of the episodes that drlsl eval drives with this seed.")
 ]
-Settings = Annotated[
-    list[str] | None,
-    several(
-        "--set",
-        "KEY=VALUE",
-        "A setting of env, such as env.traffic=reactive, or of the driver, such as "
-        "driver.politeness=0.2; may be repeated.",
-    ),
-]
 
 
 def render(
@@ -61,7 +52,7 @@ def render(
     begin: Annotated[float, typer.Option(min=0, help="Seconds of the episode to leave out.")] = 0.0,
     seconds: Annotated[float, typer.Option(min=0.1, help="Seconds to show, at most.")] = 30.0,
     rules: Rules = None,
-    settings: Settings = None,
+    settings: DriveSettings = None,
     width: Annotated[int, typer.Option(min=320, max=3840, help="Width of the picture.")] = 1200,
     height: Annotated[int, typer.Option(min=240, max=2160, help="Height of the picture.")] = 400,
 ) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 import typer
 
 from drlsl.cli.learning_display import LearningDisplay
-from drlsl.cli.options import Jobs, Ray, crew_of, recordings, several
+from drlsl.cli.options import Jobs, Properties, Ray, crew_of, recordings, several
 
 if TYPE_CHECKING:
     from drlsl.assurance import Score
@@ -66,10 +66,6 @@ Must = Annotated[
         "NAME",
         "A property that must be proved; may be repeated. Default: nobody_alongside, nothing_hidden.",
     ),
-]
-Properties = Annotated[
-    list[Path] | None,
-    several("--property", "FILE", "A file of properties instead of properties.pl."),
 ]
 Episodes = Annotated[
     int | None,

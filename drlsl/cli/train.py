@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from drlsl.cli.options import Direction, Rules, given_settings, one_or_several, presets, recordings, several
+from drlsl.cli.options import Direction, Rules, env_flags, given_settings, presets, recordings, several
 from drlsl.cli.stopping import Stop, stop_on_signal
 from drlsl.cli.training_display import display
 from drlsl.errors import UserError
@@ -104,10 +104,7 @@ def train(
     unbroken run.
     """
     flags = {
-        "env.recording": one_or_several(recording),
-        "env.direction": direction,
-        "env.rules": [str(path) for path in rules] if rules else None,
-        "env.track_length": track_length,
+        **env_flags(recording, direction, rules, track_length),
         "method": method,
         "network.factory": network,
         "learning.bootstrap": bootstrap,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from drlsl.cli.options import AsJson, Jobs, Ray, RuleFiles, check_new, crew_of, several
+from drlsl.cli.options import AsJson, Jobs, Properties, Ray, RuleFiles, check_new, crew_of, several
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -26,10 +26,6 @@ class Solver(StrEnum):
     BOTH = "both"
 
 
-Properties = Annotated[
-    list[Path] | None,
-    several("--property", "FILE", "A file of properties instead of properties.pl; give it again for more."),
-]
 Only = Annotated[list[str] | None, several("--only", "NAME", "Only this property; give it again for more.")]
 AttackScenes = Annotated[
     int | None,
