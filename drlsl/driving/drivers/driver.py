@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from drlsl.driving.config import Section
 from drlsl.driving.scene import Action, SceneBatch
 from drlsl.driving.simulation import World
 from drlsl.traffic import Integers, Mask
@@ -46,6 +47,15 @@ class Driver(Protocol):
         The most wanted action is what the driver prefers; of those that are offered the most wanted one is
         driven. Of equals the first counts.
         """
+
+
+class Momentary(Section):
+    """The settings of a driver that decides by the offered actions and the scenes, whatever it observed."""
+
+    @property
+    def window(self) -> int:
+        """One observation, which is not looked at."""
+        return 1
 
 
 class Choice(NamedTuple):

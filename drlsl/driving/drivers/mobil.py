@@ -14,8 +14,7 @@ from typing import Final
 import numpy as np
 from pydantic import Field
 
-from drlsl.driving.config import Section
-from drlsl.driving.drivers.driver import Preferences, Situations
+from drlsl.driving.drivers.driver import Momentary, Preferences, Situations
 from drlsl.driving.scene import Action, Road, SceneBatch
 from drlsl.driving.simulation import idm_acceleration
 from drlsl.traffic import Floats, Integers, Mask
@@ -24,7 +23,7 @@ _LANES: Final = len(Action)
 """The lanes that the actions lead to, in their order: the target lane, the one to its left, to its right."""
 
 
-class Mobil(Section):
+class Mobil(Momentary):
     """Drives by MOBIL; each lane's limit is the speed that is desired in it.
 
     A change is wanted by as much as it betters the acceleration, the others' counted by `politeness`, above
@@ -40,11 +39,6 @@ class Mobil(Section):
     right_bias: float = Field(
         0.0, ge=0, description="Advantage in m/s² of the right lane where one keeps right; 0.3 in the paper."
     )
-
-    @property
-    def window(self) -> int:
-        """One observation, which is not looked at."""
-        return 1
 
     def preferences(self, situations: Situations) -> Preferences:
         """Return the advantage of each action over keeping the lane [m/s²]; minus infinity if unsafe."""

@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 from pydantic import Field
 
-from drlsl.driving.config import Section
-from drlsl.driving.drivers.driver import Preferences, Situations
+from drlsl.driving.drivers.driver import Momentary, Preferences, Situations
 from drlsl.driving.scene import Action
 from drlsl.driving.simulation import World
 from drlsl.traffic import Floats, Integers, Mask
@@ -20,7 +19,7 @@ _LOST: Final = 1e9
 """Metres by which a plan that ends in a contact or off the road ranks below all others."""
 
 
-class Oracle(Section):
+class Oracle(Momentary):
     """Chooses the offered action that leads farthest within `horizon`, of those that lead to no contact.
 
     A plan is an offered action, then lane keeping, with another action every `pause` until `decisions` of
@@ -33,11 +32,6 @@ class Oracle(Section):
     pause: float = Field(
         4.0, gt=0, le=60, description="Seconds between two of them; a lane change takes about 3."
     )
-
-    @property
-    def window(self) -> int:
-        """One observation, which is not looked at."""
-        return 1
 
     def preferences(self, situations: Situations) -> Preferences:
         """Return how far [m] the best plan leads that begins with each action; never an action not offered.
