@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import drlsl  # noqa: F401  (registers the environment)
 from drlsl.driving import EnvConfig
@@ -82,6 +82,17 @@ def test_an_unknown_keyword_is_a_type_error_that_names_the_nearest(made: Any) ->
         gymnasium.make(ID, frameskip=1, **SETTINGS)
     with pytest.raises(TypeError, match="got a configuration and direction"):
         made(CONFIG, direction="both")
+
+
+@pytest.mark.parametrize("made", CLASSES)
+def test_an_unknown_option_of_a_reset_is_refused_by_name(made: Any) -> None:
+    env = made(CONFIG)
+    known = "it takes reset_mask" if isinstance(env, VectorEnv) else "it takes none"
+    for options in (None, dict[str, Any]()):
+        env.reset(seed=1, options=options)
+    with pytest.raises(ValueError, match=rf"^reset\(\) has no option 'reset_msk'; {known}$"):
+        env.reset(options={"reset_msk": np.array([True])})
+    env.close()
 
 
 @pytest.mark.parametrize(

@@ -58,3 +58,14 @@ def the_config(
             f"{who}.__init__() got a configuration and {', '.join(settings)}: put them into the configuration"
         )
     return config
+
+
+def check_options(options: Mapping[str, Any] | None, known: Sequence[str] = ()) -> None:
+    """Check that `reset` takes these options.
+
+    Raises:
+        ValueError: it has no such option.
+    """
+    for name in options or ():
+        if name not in known:
+            raise ValueError(f"reset() has no option {name!r}; it takes {', '.join(known) or 'none'}")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from drlsl import masks
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.settings import the_config
+from drlsl.driving.envs.settings import check_options, the_config
 from drlsl.driving.rendering import RENDER_MODES, Renderer
 from drlsl.driving.scene import ATOMS, Action, Scene, one_action
 from drlsl.driving.shield import Decisions, ObservationSpace, Shield
@@ -100,7 +100,12 @@ class HighwayEnv(gymnasium.Env[Any, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; with a seed, the episode is a function of the seed."""
+        """Begin an episode; with a seed, the episode is a function of the seed.
+
+        Raises:
+            ValueError: there are options, and it has none.
+        """
+        check_options(options)
         super().reset(seed=seed, options=options)
         self.world.reset([0], [self.np_random])
         if self._renderer is not None:

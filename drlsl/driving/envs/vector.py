@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 
 from drlsl import masks
 from drlsl.driving.config import EnvConfig
-from drlsl.driving.envs.settings import the_config
+from drlsl.driving.envs.settings import check_options, the_config
 from drlsl.driving.envs.single import ENV_MODES, FALLBACK, NOT_TAKEN, observation_box, render_rate
 from drlsl.driving.rendering import RGB_ARRAY, Renderer
 from drlsl.driving.scene import ATOMS, Action, SceneBatch, several_actions
@@ -35,6 +35,8 @@ from drlsl.masks import Mode, Settled, check_mode, settle
 from drlsl.traffic import Floats, Integers, Mask
 
 Observations: TypeAlias = npt.NDArray[np.float32]
+
+_RESET_MASK: Final = "reset_mask"
 
 
 class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
@@ -119,8 +121,9 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
         Environment i takes the seed + i, or the i-th of several seeds.
 
         Raises:
-            ValueError: the seeds or the mask are not of shape (N,).
+            ValueError: the seeds or the mask are not of shape (N,), or there is no such option.
         """
+        check_options(options, (_RESET_MASK,))
         asked = self._asked(options)
         for index, one in enumerate(self._seeds(seed)):
             if asked[index] and one is not None:
@@ -221,7 +224,7 @@ class HighwayVectorEnv(VectorEnv[Any, Integers, npt.NDArray[Any]]):
 
     def _asked(self, options: dict[str, Any] | None) -> Mask:
         """Return the mask of the environments to reset, shape (N,)."""
-        mask = (options or {}).get("reset_mask")
+        mask = (options or {}).get(_RESET_MASK)
         if mask is None:
             return self._blank.all
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
