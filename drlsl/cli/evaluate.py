@@ -118,7 +118,7 @@ def evaluate(
     """
     from rich.console import Console
 
-    from drlsl.learning import EVALUATION_KEY, RunFolder, load_driver, make_evaluation_env
+    from drlsl.learning import EVALUATION_KEY, RunFolder, changed_rules, load_driver, make_evaluation_env
 
     run = None if _is_driver(who) else RunFolder.open(Path(who))
     check_new(episodes_out, "episodes")
@@ -127,6 +127,8 @@ def evaluate(
     )
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
+    if run is not None and rules is None and (changed := changed_rules(run, env)):
+        typer.echo(f"drlsl: the rules were changed after the training: {', '.join(changed)}", err=True)
     name, wants = (who, "preferences") if run is None else (POLICY, "Q-values")
     recorded = None
     if episodes_out is not None:

@@ -117,13 +117,13 @@ def _of_scene(path: Path, rules: list[Path] | None) -> Episode:
     from drlsl.driving.episodes import Origin, episode_of_scene
     from drlsl.driving.scene import load_scene
     from drlsl.driving.shield import Shield
-    from drlsl.files import digest
+    from drlsl.files import digests
 
     scene = load_scene(path)
     if not scene.vehicles:
         raise UserError(f"{path}: it has no vehicles besides the ego, so there is nothing to see; add some")
     shield = Shield.from_files(rules or ())
-    digests = {one.name: digest([one]) for one in shield.files()}
-    origin = Origin("", path.name, True, "rules", 0, 1, tuple(map(str, rules or ())), digests, "preferences")
+    named, read = tuple(map(str, rules or ())), digests(shield.files())
+    origin = Origin("", path.name, True, "rules", 0, 1, named, read, "preferences")
     with failures_as_errors():
         return episode_of_scene(shield, scene, origin)

@@ -6,7 +6,7 @@ against accidents, not against people, who can compute it, too.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,6 +33,11 @@ def digest(paths: list[Path]) -> str:
     for path in paths:
         total.update(hashlib.sha256(path.read_bytes()).digest())
     return total.hexdigest()
+
+
+def digests(paths: Iterable[Path]) -> dict[str, str]:
+    """Return the SHA-256 of each file, by its name without the folder."""
+    return {path.name: digest([path]) for path in paths}
 
 
 def seal_archive(content: bytes) -> bytes:

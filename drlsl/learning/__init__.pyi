@@ -24,7 +24,7 @@ from .onnx_export import export_onnx
 from .overview import RunOverview, differing_settings, find_runs, overview_of
 from .replay import Replay
 from .rundir import CHECKPOINT, METRIC_COLUMNS, METRICS, MODEL, RunFolder, next_free_folder
-from .session import Session, load_policy, make_training_env, train
+from .session import Session, changed_rules, load_policy, make_training_env, train
 from .stacked_session import StackedSession
 from .stacked_trainer import StackedTrainer, check_stackable
 from .totals import Totals, time_saved, times_of
@@ -55,6 +55,7 @@ __all__ = [
     "Trainer",
     "VectorHighway",
     "as_record",
+    "changed_rules",
     "check_stackable",
     "differing_settings",
     "drive",

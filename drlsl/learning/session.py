@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from drlsl import driving
 from drlsl.driving.shield import PAPER_OBSERVATION
 from drlsl.errors import UserError
-from drlsl.files import FolderLock, refuse_while_loading
+from drlsl.files import FolderLock, digests, refuse_while_loading
 from drlsl.learning.checkpoint import load_state, save_state
 from drlsl.learning.config import NetworkConfig, TrainConfig, make_config, merged, preset_values
 from drlsl.learning.figures import write_training_figures
@@ -182,6 +182,7 @@ class Session(AbstractContextManager["Session"]):
             "network": trainer.agent.network.get_state(),
             "observes": list(trainer.observes),
             "made_by": self.folder.config.network.model_dump(mode="json"),
+            "rules": dict(trainer.rule_digests),
         }
         save_state(self.folder.policy, "policy", state)
 
@@ -248,13 +249,28 @@ def _check_rules(folder: RunFolder, state: Mapping[str, Any], given: Mapping[str
     Raises:
         UserError: they are not.
     """
-    held = state.get("rules", given)
-    changed = sorted(name for name in {*held, *given} if held.get(name) != given.get(name))
-    if changed:
+    if changed := _changed(state, given):
         raise UserError(
             f"{folder.root}: the rules were changed after the checkpoint: {', '.join(changed)}; "
             "put them back as they were, or begin again with --force"
         )
+
+
+def changed_rules(folder: RunFolder, env: VectorHighway) -> list[str]:
+    """Return the names of the rule files that are not as they were when the policy was trained.
+
+    Policies from before tell nothing of their rules: none.
+
+    Raises:
+        UserError: the weights are missing or damaged.
+    """
+    return _changed(load_state(folder.policy, "policy"), digests(env.rule_files()))
+
+
+def _changed(state: Mapping[str, Any], given: Mapping[str, str]) -> list[str]:
+    """Return the names of the rule files that differ from those of a state."""
+    held = state.get("rules", given)
+    return sorted(name for name in {*held, *given} if held.get(name) != given.get(name))
 
 
 def make_training_env(config: TrainConfig) -> VectorHighway:

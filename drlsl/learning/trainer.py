@@ -11,7 +11,7 @@ import torch
 
 from drlsl.driving.drivers import Choice
 from drlsl.errors import UserError
-from drlsl.files import digest
+from drlsl.files import digests
 from drlsl.learning.config import Device, TrainConfig
 from drlsl.learning.dqn import DqnAgent, Sight
 from drlsl.learning.episode import ACTION_FILTERS, EpisodeSummary
@@ -76,7 +76,7 @@ class Trainer:
         self.agent, self.replay = make_learner(env.single_observation_space, env.single_action_space, config)
         self.observes = env.observation_names
         """The names of the numbers that the agent observes."""
-        self.rule_digests = {path.name: digest([path]) for path in env.rule_files()}
+        self.rule_digests = digests(env.rule_files())
         """The SHA-256 of each rule file."""
         self.total_steps = 0
         self._beside = _thread_of_its_own(config.threads) if config.learning.overlap else None

@@ -53,7 +53,9 @@ def test_a_stopped_training_resumes_bit_for_bit(tmp_path: Path, num_envs: str) -
     assert_same_outcome(tmp_path / "whole", tmp_path / "stopped")
 
 
-def test_a_run_whose_rules_were_changed_is_not_resumed(tmp_path: Path) -> None:
+def test_a_run_whose_rules_were_changed_is_not_resumed_and_its_evaluation_tells(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rules = tmp_path / "mine.pl"
     text = ":- ensure_loaded('highway.pl').\n"
     rules.write_text(text)
@@ -61,7 +63,15 @@ def test_a_run_whose_rules_were_changed_is_not_resumed(tmp_path: Path) -> None:
     with Session.start(tmp_path / "run", config) as session:
         next(iter(session.run()))
         session.checkpoint()
+    capsys.readouterr()
+    told = ["eval", str(tmp_path / "run"), "--episodes", "1", "--track-length", "30"]
+    assert run(told) == 0
+    assert "rules were changed" not in capsys.readouterr().err
     rules.write_text(text + "never_asked(1).\n")
+    assert run(told) == 0
+    assert "drlsl: the rules were changed after the training: mine.pl\n" in capsys.readouterr().err
+    assert run([*told, "--rules", str(rules)]) == 0  # named on purpose
+    assert "rules were changed" not in capsys.readouterr().err
     with pytest.raises(UserError, match=r"rules were changed after the checkpoint: mine\.pl; put them back"):
         Session.resume(tmp_path / "run")
     rules.write_text(text)

@@ -13,7 +13,7 @@ from drlsl.driving.explain import Objection, Reason, RuleClause
 from drlsl.driving.rendering import Moment
 from drlsl.driving.scene import Action, Road, Scene, Vehicle
 from drlsl.driving.shield import ObservationSpace, Shield
-from drlsl.files import digest
+from drlsl.files import digests
 from drlsl.traffic import Floats, Integers, Mask
 
 NO_DECISION: Final = -1
@@ -73,7 +73,7 @@ class Origin:
             seed=seed,
             number=0,
             rules=config.rules,
-            digests={path.name: digest([path]) for path in shield.files()},
+            digests=digests(shield.files()),
             wants=wants,
         )
 
