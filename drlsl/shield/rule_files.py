@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from errno import ENOENT
 from pathlib import Path
 from typing import Final, TypeAlias
 
 from drlsl.errors import UserError
 from drlsl.logic import Engine, Limits, PrologError
-from drlsl.logic.loading import shipped_folder
+from drlsl.logic.loading import shipped_folder, similar_file
 
 Rules: TypeAlias = str | Path | Sequence[str | Path]
 """A rule file (a path, or a name such as highway.pl), several, or the text of a program."""
@@ -41,7 +42,8 @@ def consult_rules(engine: Engine, path: str | Path) -> None:
     try:
         engine.consult(rule_file(path), limits=LOADING)
     except OSError as error:
-        raise UserError(f"cannot read the rule file {path}: {error.strerror}") from error
+        hint = similar_file(str(path), (Path(), rules_folder())) if error.errno == ENOENT else ""
+        raise UserError(f"cannot read the rule file {path}: {error.strerror}{hint}") from error
 
 
 def rule_file(path: str | Path) -> Path:

@@ -187,8 +187,12 @@ def test_a_file_on_top_of_a_program_that_ships_may_lie_anywhere(
 
 
 def test_files_that_cannot_be_used(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="cannot read the rule file"):
+    with pytest.raises(UserError, match=r"cannot read the rule file .*: No such file or directory$"):
         Shield.from_files([tmp_path / "none.pl"])
+    with pytest.raises(
+        UserError, match=r"cannot read the rule file higway\.pl: .*; did you mean highway\.pl\?$"
+    ):
+        Shield.from_files(["higway.pl"])
     (tmp_path / "bad.pl").write_text("safe_actions(lane_keeping).\nfront_is_free :- ( .\n")
     with pytest.raises(PrologSyntaxError, match=r"bad\.pl:2:"):
         Shield.from_files([tmp_path / "bad.pl"])

@@ -80,6 +80,24 @@ def test_a_query_loads_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert engine.holds("catch(consult(nosuch), error(existence_error(source_sink, nosuch), _), true)")
 
 
+def test_a_misspelt_file_is_told_the_nearest(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "limits.pl").write_text("limit(1).")
+    engine = Engine()
+    for name, meant in (
+        ("higway.pl", "highway.pl"),
+        ("higway", "highway.pl"),
+        ("parts/limit", "parts/limits.pl"),
+    ):
+        (tmp_path / "main.pl").write_text(f":- ensure_loaded('{name}').")
+        with pytest.raises(PrologError, match=rf"does not exist; did you mean {meant}\?, in ensure_loaded"):
+            engine.consult(tmp_path / "main.pl")
+    (tmp_path / "main.pl").write_text(":- ensure_loaded(nosuch).")
+    with pytest.raises(PrologError) as caught:
+        engine.consult(tmp_path / "main.pl")
+    assert "did you mean" not in str(caught.value)
+
+
 def test_a_text_finds_the_programs_that_ship(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     engine = Engine()

@@ -5,9 +5,9 @@ from drlsl.logic.loading.consult import (
     ConsultError,
     Loader,
     LoadWarning,
-    find_file,
     read_source,
 )
+from drlsl.logic.loading.finding import find_file, similar_file
 from drlsl.logic.loading.linking import Linker, builtin, library
 from drlsl.logic.loading.shipped import shipped_folder
 
@@ -22,4 +22,5 @@ __all__ = [
     "library",
     "read_source",
     "shipped_folder",
+    "similar_file",
 ]

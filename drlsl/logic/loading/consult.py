@@ -27,18 +27,16 @@ from drlsl.logic.errors import (
     PrologPermissionError,
     PrologSyntaxError,
     existence_error,
-    instantiation_error,
     permission_error,
     resource_error,
     syntax_error,
-    type_error,
 )
 from drlsl.logic.limits import Limits, Meter
 from drlsl.logic.loading.conditions import Conditions
+from drlsl.logic.loading.finding import find_file
 from drlsl.logic.loading.linking import Linker, builtin, library
-from drlsl.logic.loading.shipped import shipped_folder
 from drlsl.logic.syntax import ReadTerm, read_terms
-from drlsl.logic.terms import NIL, Atom, Struct, Term, Var, deref
+from drlsl.logic.terms import NIL, Atom, Struct, Term, deref
 
 if TYPE_CHECKING:
     pass
@@ -484,26 +482,3 @@ def read_source(path: Path) -> str:
             syntax_error(bad).term, file=str(path), line=line, column=column, source=before.split("\n")[-1]
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def find_file(term: Term, folder: Path | None, search: Sequence[Path] = ()) -> Path:
-    """Return the file that an atom names, with or without ``.pl``.
-
-    It is searched in the folder, in those of the search path, then among the programs that ship.
-
-    Raises:
-        ExistenceError: There is no such file.
-    """
-    term = deref(term)
-    if type(term) is Var:
-        raise instantiation_error()
-    if type(term) is not Atom and type(term) is not str:
-        raise type_error("atom", term)
-    name = term.name if type(term) is Atom else str(term)
-    shipped = shipped_folder()
-    places = [folder or Path(), *search]
-    for place in places if shipped is None else [*places, shipped]:
-        for candidate in (place / name, place / f"{name}.pl"):
-            if candidate.is_file():
-                return candidate
-    raise existence_error("source_sink", term)
