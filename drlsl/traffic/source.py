@@ -7,6 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Final
+
+EPISODE: Final = "an episode, which `drlsl view` and `drlsl render` show"
+"""The words for a file of an episode that is named as a recording."""
 
 
 @dataclass(frozen=True, slots=True)

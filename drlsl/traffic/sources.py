@@ -10,7 +10,7 @@ from pathlib import Path
 from drlsl.errors import UserError
 from drlsl.traffic.archive import unpacked
 from drlsl.traffic.formats import FORMATS, find_format, part_names
-from drlsl.traffic.source import Source, is_pattern, matching
+from drlsl.traffic.source import EPISODE, Source, is_pattern, matching
 
 BUNDLED = Path(__file__).parent / "recordings"
 """Folder of the recordings that come with the package, one highD folder each."""
@@ -114,6 +114,8 @@ def _locate(path: str | Path) -> tuple[Path, str | None]:
 
 def _in_file(location: Path, part: str | None) -> list[Source]:
     """Return the recordings of one file."""
+    if location.suffix == ".npz":
+        raise UserError(f"{location}: no recording, but {EPISODE}")
     row = find_format(location)
     if row is None:
         raise _unknown(location)
@@ -141,6 +143,8 @@ def _in_folder(location: Path, folder: Path, part: str | None) -> list[Source]:
     """Return the recordings of a folder; `location` is what the user called it."""
     found = _sources_below(folder)
     if not found:
+        if any(folder.glob("*.npz")):
+            raise UserError(f"{location}: no recordings, but episodes, which `drlsl view` shows")
         raise UserError(
             f"{location}: no recording in this folder; in highD layout it has files like 01_tracks.csv, and "
             f"known formats are {_known()}"
@@ -215,10 +219,11 @@ def _unknown(path: Path) -> UserError:
 
     try:
         with open_text(path) as file:
-            line = file.readline(10_000)
+            start = file.read(10_000)
     except UNREADABLE as error:
         return unreadable(path, error)
-    if not line:
+    line = start.partition("\n")[0]
+    if not start:
         return UserError(f"{path}: the file is empty")
     seen: Sequence[tuple[str, str]] = (
         ("xcenter", f"columns of exiD; {NUMBERED}"),
@@ -226,6 +231,8 @@ def _unknown(path: Path) -> UserError:
         ("<!doctype html", "a page of a web site, no data"),
         ("git-lfs", "a pointer of Git LFS, no data; fetch it with git lfs pull"),
     )
+    if '"ego"' in start and '"road"' in start:
+        return UserError(f"{path}: no recording, but a scene, which `drlsl query --state {path}` reads")
     for mark, what in seen:
         if mark in line.lower():
             return UserError(f"{path}: unknown format; it looks like {what}")

@@ -155,6 +155,18 @@ def test_episodes_are_converted_there_and_back(written: Path, tmp_path: Path, ca
     assert "2 episodes" in capsys.readouterr().out
 
 
+def test_an_episode_named_as_a_recording_is_told_what_shows_it(
+    written: Path, tmp_path: Path, capsys: Any
+) -> None:
+    save_episode(tmp_path / "one.parquet", load_episode(written / "plain.npz"))
+    for path in (written / "plain.npz", tmp_path / "one.parquet"):
+        assert run(["data", "info", str(path)]) == 2
+        shown = "an episode, which `drlsl view` and `drlsl render` show"
+        assert capsys.readouterr().err == f"drlsl: {path}: no recording, but {shown}\n"
+    assert run(["data", "info", str(written)]) == 2
+    assert "no recordings, but episodes, which `drlsl view` shows" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

@@ -224,6 +224,10 @@ def test_names_match_as_people_spell_them() -> None:
         ("frame,id,x,y,xVelocity\n", "it looks like columns of highD; its files are called 01_tracks.csv"),
         ("<!DOCTYPE html><html>\n", "it looks like a page of a web site, no data"),
         ("version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS, no data; fetch it"),
+        (
+            '{\n  "road": {},\n  "ego": {}\n}\n',
+            r"no recording, but a scene, which `drlsl query --state .* reads",
+        ),
         ("a,b\n1,2\n", "unknown format; expected a folder or a file of"),
     ],
 )

@@ -17,7 +17,7 @@ from drlsl.traffic.edit import rows_of
 from drlsl.traffic.packed_frames import Film
 from drlsl.traffic.recording import Recording
 from drlsl.traffic.recording_facts import facts_of, recording_from
-from drlsl.traffic.source import Source
+from drlsl.traffic.source import EPISODE, Source
 from drlsl.traffic.tracks import Tracks, lanes_of_rows, pack, rounded
 
 KEY: Final = b"drlsl"
@@ -44,6 +44,8 @@ def load_parquet(source: Source) -> Recording:
     path = source.files[0]
     table = read_table(path)
     metadata = table.schema.metadata or {}
+    if any(key.startswith(KEY + b" ") for key in metadata):  # the facts of something else of ours
+        raise UserError(f"{path}: no recording, but {EPISODE}")
     if KEY not in metadata:
         raise UserError(
             f"{path}: a Parquet file without the facts of a recording, with columns "
