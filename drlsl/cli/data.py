@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from drlsl.cli.options import recordings
+from drlsl.cli.stopping import cleaned_up_on_signal
 from drlsl.errors import UserError
 
 if TYPE_CHECKING:
@@ -127,6 +128,7 @@ def info(
 
 
 @app.command()
+@cleaned_up_on_signal()
 def convert(
     paths: PathArguments,
     out: Annotated[
@@ -165,6 +167,7 @@ def convert(
 
 
 @app.command()
+@cleaned_up_on_signal()
 def cut(
     path: Annotated[str, typer.Argument(metavar="PATH", show_default=False, autocompletion=recordings)],
     out: Annotated[
@@ -325,6 +328,7 @@ def _print_report(report: RecordingReport, kind: str) -> None:
 
 
 @app.command()
+@cleaned_up_on_signal()
 def generate(
     out: Annotated[Path, typer.Option(help="Folder to write, in highD layout.", show_default=False)],
     preset: Annotated[

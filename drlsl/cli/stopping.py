@@ -1,4 +1,4 @@
-"""Signals that ask a command to save what it has and end."""
+"""Signals that ask a command to end: to save what it has, or to delete what it has begun."""
 
 from __future__ import annotations
 
@@ -41,3 +41,17 @@ def stop_on_signal(say: Callable[[str], object]) -> Iterator[Stop]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def cleaned_up_on_signal() -> Iterator[None]:
+    """Have SIGTERM end what runs within as Ctrl-C does, so that what is half-written is deleted."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

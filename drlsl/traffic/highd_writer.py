@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from drlsl.errors import UserError
-from drlsl.files import scratch_beside
+from drlsl.files import not_replaceable, scratch_beside
 from drlsl.traffic.array_kinds import Floats
 from drlsl.traffic.recording import VehicleClass
 from drlsl.traffic.road import MergingLane, Traffic
@@ -65,7 +65,7 @@ def check_folder(folder: Path, *, force: bool) -> None:
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise UserError(f"{folder}: is a file, expected a folder to write")
+        raise UserError(f"{folder}: is {not_replaceable(folder) or 'a file'}, expected a folder to write")
     if not force:
         raise UserError(f"{folder}: exists already; choose another folder or add --force to replace it")
     others = sorted(path.name for path in folder.iterdir() if not RECORDING_FILE.fullmatch(path.name))

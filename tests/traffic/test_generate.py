@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import builtins
 import importlib.util
+import os
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -137,6 +141,30 @@ def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(UserError, match="is a file, expected a folder"):
         write_highd(by_hand(), tmp_path / "out", force=True)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_pipe_in_the_way_is_called_so(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "out")
+    with pytest.raises(UserError, match="is a device or a pipe, expected a folder"):
+        write_highd(by_hand(), tmp_path / "out", force=True)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows ends processes without a signal")
+def test_a_command_that_is_terminated_leaves_nothing_behind(tmp_path: Path) -> None:
+    """SIGTERM arrives while the folder is half-written: what was begun is deleted, as after Ctrl-C."""
+    code = (
+        "import os, signal, sys\n"
+        "from drlsl.cli import main\n"
+        "from drlsl.traffic import highd_writer\n"
+        "highd_writer._swap = lambda *_, **__: os.kill(os.getpid(), signal.SIGTERM)\n"
+        "main(['data', 'cut', 'freeway', '--end', '1', '--out', sys.argv[1]])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "out")], capture_output=True, text=True, timeout=60
+    )
+    assert list(tmp_path.iterdir()) == []
+    assert (done.returncode, done.stdout, done.stderr) == (128 + signal.SIGTERM, "", "")
 
 
 def test_without_sumo_there_is_a_way_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
