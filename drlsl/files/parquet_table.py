@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,11 +32,8 @@ def read_table(path: Path) -> Any:
     Raises:
         UserError: the extra is not installed, or the file cannot be read.
     """
-    arrow, parquet = parquet_library()
-    try:
+    with _readable(path) as parquet:
         return parquet.read_table(path)
-    except (OSError, arrow.ArrowException) as error:
-        raise UserError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
 
 
 def read_metadata(path: Path) -> Mapping[bytes, bytes]:
@@ -44,12 +42,19 @@ def read_metadata(path: Path) -> Mapping[bytes, bytes]:
     Raises:
         UserError: the extra is not installed, or the file cannot be read.
     """
+    with _readable(path) as parquet:
+        found: Mapping[bytes, bytes] | None = parquet.read_schema(path).metadata
+    return found or {}
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[Any]:
+    """Yield the library of Parquet, and turn its errors about a file into a `UserError`."""
     arrow, parquet = parquet_library()
     try:
-        found: Mapping[bytes, bytes] | None = parquet.read_schema(path).metadata
+        yield parquet
     except (OSError, arrow.ArrowException) as error:
         raise UserError(f"{path}: cannot be read: {str(error).splitlines()[0]}") from error
-    return found or {}
 
 
 def write_table(path: Path, columns: Mapping[str, Any], key: bytes, facts: Mapping[str, Any]) -> None:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from drlsl.errors import UserError
 from drlsl.traffic.array_kinds import Floats, Mask
-from drlsl.traffic.files import ENCODING, UNREADABLE, open_bytes, open_text, unreadable
+from drlsl.traffic.files import ENCODING, open_bytes, open_text, readable
 
 _OTHER_SEPARATORS: Final = {";": "semicolons", "\t": "tabs", "|": "bars"}
 """What separates the cells of a file that has one cell a line if commas do."""
@@ -97,9 +97,8 @@ def read_columns(path: Path, wanted: Mapping[str, Kind], layout: Layout = COMMAS
     _check_widths(path, len(header), layout)
     types = {columns[name]: "str" if kind is Kind.TEXT else "float64" for name, kind in wanted.items()}
     try:
-        frame = _read(path, header, types, layout)
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
+        with readable(path):
+            frame = _read(path, header, types, layout)
     except ValueError:
         frame = _read_with_commas(
             path, header, {columns[name]: kind for name, kind in wanted.items()}, layout
@@ -171,17 +170,14 @@ def _check_widths(path: Path, count: int, layout: Layout) -> None:
     Raises:
         UserError: a line has not, is not text, or cannot be told from the next one.
     """
-    try:
-        with open_bytes(path) as file:
-            for number, line in enumerate(file, 1):
-                cells = _cells(line, layout)
-                if cells == count or not line.strip():
-                    continue
-                if b"\r" in line.rstrip(b"\r\n"):
-                    raise UserError(f"{path}:{number}: its lines end in carriage returns alone; use newlines")
-                raise UserError(f"{path}:{number}: {cells} cells, expected {count}")
-    except (*UNREADABLE, csv.Error) as error:
-        raise unreadable(path, error) from error
+    with readable(path, csv.Error), open_bytes(path) as file:
+        for number, line in enumerate(file, 1):
+            cells = _cells(line, layout)
+            if cells == count or not line.strip():
+                continue
+            if b"\r" in line.rstrip(b"\r\n"):
+                raise UserError(f"{path}:{number}: its lines end in carriage returns alone; use newlines")
+            raise UserError(f"{path}:{number}: {cells} cells, expected {count}")
 
 
 def _cells(line: bytes, layout: Layout) -> int:
@@ -195,14 +191,11 @@ def _cells(line: bytes, layout: Layout) -> int:
 
 def _lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
     """Yield line number and cells of every line that is not blank."""
-    try:
-        with open_text(path) as file:
-            if layout.names is None:
-                reader = csv.reader(file)
-                yield from (
-                    (reader.line_num, cells) for cells in reader if len(cells) > 1 or "".join(cells).strip()
-                )
-            else:
-                yield from ((number, line.split()) for number, line in enumerate(file, 1) if line.strip())
-    except (*UNREADABLE, csv.Error) as error:
-        raise unreadable(path, error) from error
+    with readable(path, csv.Error), open_text(path) as file:
+        if layout.names is None:
+            reader = csv.reader(file)
+            yield from (
+                (reader.line_num, cells) for cells in reader if len(cells) > 1 or "".join(cells).strip()
+            )
+        else:
+            yield from ((number, line.split()) for number, line in enumerate(file, 1) if line.strip())

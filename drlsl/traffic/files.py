@@ -6,12 +6,20 @@ import gzip
 import json
 import lzma
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final, cast
 
 from drlsl.errors import UserError
 
-UNREADABLE = (OSError, EOFError, UnicodeDecodeError, lzma.LZMAError, zlib.error)
+_UNREADABLE: Final[tuple[type[Exception], ...]] = (
+    OSError,
+    EOFError,
+    UnicodeDecodeError,
+    lzma.LZMAError,
+    zlib.error,
+)
 """Exceptions of opening, decompressing or decoding a broken file."""
 
 ENCODING = "utf-8-sig"
@@ -57,9 +65,33 @@ def open_text(path: Path) -> IO[str]:
     return open(path, encoding=ENCODING, newline="")
 
 
-def unreadable(path: Path, error: BaseException) -> UserError:
-    """Return the error for a file that cannot be opened, decompressed or decoded."""
-    return UserError(f"{path}: cannot be read: {error or type(error).__name__}")
+@contextmanager
+def readable(path: Path, *further: type[Exception]) -> Iterator[None]:
+    """Turn the exceptions of reading a broken file, and `further` ones, into one error.
+
+    Raises:
+        UserError: the file cannot be opened, decompressed or decoded.
+    """
+    try:
+        yield
+    except (*_UNREADABLE, *further) as error:
+        raise UserError(f"{path}: cannot be read: {error or type(error).__name__}") from error
+
+
+@contextmanager
+def readable_xml(path: Path) -> Iterator[None]:
+    """Turn the exceptions of reading a broken XML file into one error, with the line where there is one.
+
+    Raises:
+        UserError: the file cannot be opened, decompressed or decoded, or is malformed.
+    """
+    from xml.etree.ElementTree import ParseError
+
+    try:
+        with readable(path):
+            yield
+    except ParseError as error:
+        raise UserError(f"{path}:{error.position[0]}: malformed XML: {error}") from error
 
 
 def read_json(path: Path) -> Any:
@@ -69,9 +101,7 @@ def read_json(path: Path) -> Any:
         UserError: it cannot be read, or is malformed.
     """
     try:
-        with open_text(path) as file:
+        with readable(path), open_text(path) as file:
             return json.load(file)
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
     except ValueError as error:
         raise UserError(f"{path}: malformed JSON: {error}") from error

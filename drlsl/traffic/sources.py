@@ -215,13 +215,10 @@ def _known() -> str:
 
 def _unknown(path: Path) -> UserError:
     """Return the error for a file of no known format, which says what it looks like."""
-    from drlsl.traffic.files import UNREADABLE, open_text, unreadable
+    from drlsl.traffic.files import open_text, readable
 
-    try:
-        with open_text(path) as file:
-            start = file.read(10_000)
-    except UNREADABLE as error:
-        return unreadable(path, error)
+    with readable(path), open_text(path) as file:
+        start = file.read(10_000)
     line = start.partition("\n")[0]
     if not start:
         return UserError(f"{path}: the file is empty")

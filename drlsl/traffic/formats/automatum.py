@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drlsl.errors import UserError
-from drlsl.traffic.files import read_json
+from drlsl.traffic.files import read_json, readable_xml
 from drlsl.traffic.lane_pieces import pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers, frames_of, numbered
@@ -127,10 +127,8 @@ def _columns(path: Path, one: dict[str, Any]) -> dict[str, npt.NDArray[np.float6
 
 def _widths(path: Path) -> dict[str, float]:
     """Return the width [m] at which each lane of an OpenDRIVE file begins, by `road:lane`."""
-    try:
+    with readable_xml(path):
         root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError) as error:
-        raise UserError(f"{path}: malformed XML: {error}") from error
     found: dict[str, float] = {}
     for road in root.iter("road"):
         for lane in road.iter("lane"):

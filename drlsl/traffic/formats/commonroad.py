@@ -18,7 +18,7 @@ import numpy as np
 
 from drlsl.errors import UserError
 from drlsl.traffic.alignment import Axis
-from drlsl.traffic.files import UNREADABLE, open_bytes, unreadable
+from drlsl.traffic.files import open_bytes, readable_xml
 from drlsl.traffic.lane_pieces import Piece
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
 from drlsl.traffic.named_rows import check_numbers
@@ -73,13 +73,8 @@ def load_commonroad(source: Source) -> Recording:
 
 
 def _root(path: Path) -> ElementTree.Element:
-    try:
-        with open_bytes(path) as file:
-            return ElementTree.parse(file).getroot()
-    except ElementTree.ParseError as error:
-        raise UserError(f"{path}:{error.position[0]}: malformed XML: {error}") from error
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
+    with readable_xml(path), open_bytes(path) as file:
+        return ElementTree.parse(file).getroot()
 
 
 def _vehicles(

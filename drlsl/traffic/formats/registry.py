@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from drlsl.errors import UserError
-from drlsl.traffic.files import ENCODING, UNREADABLE, open_bytes, unreadable
+from drlsl.traffic.files import ENCODING, open_bytes, readable
 from drlsl.traffic.road_beside import road_beside, vehicle_types_beside
 from drlsl.traffic.source import Source
 
@@ -173,15 +173,12 @@ def find_format(path: Path) -> Format | None:
     Raises:
         UserError: the file cannot be read.
     """
-    try:
-        with open_bytes(path) as file:
-            start = file.read(_FIRST)
-            if start.startswith(b"PAR1"):  # its columns are named at its end
-                file.seek(max(path.stat().st_size - _FIRST, 0))
-                start += file.read()
-            head = start.decode(ENCODING, errors="replace").lower()
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
+    with readable(path), open_bytes(path) as file:
+        start = file.read(_FIRST)
+        if start.startswith(b"PAR1"):  # its columns are named at its end
+            file.seek(max(path.stat().st_size - _FIRST, 0))
+            start += file.read()
+        head = start.decode(ENCODING, errors="replace").lower()
     return next((row for row in FORMATS if row.is_it(Start(path, head))), None)
 
 

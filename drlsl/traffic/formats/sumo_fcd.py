@@ -21,7 +21,7 @@ import numpy as np
 from drlsl.errors import UserError
 from drlsl.files import read_table
 from drlsl.traffic.alignment import Axis
-from drlsl.traffic.files import UNREADABLE, open_bytes, open_text, unreadable
+from drlsl.traffic.files import open_bytes, open_text, readable, readable_xml
 from drlsl.traffic.formats.sumo_net import highest_limit, lanes_under, read_road
 from drlsl.traffic.lane_pieces import Piece, pieces_of_ids
 from drlsl.traffic.map_tracks import OnMap, assemble_from_map
@@ -126,46 +126,38 @@ def load_fcd(source: Source) -> Recording:
 def _xml(path: Path) -> dict[str, list[Any]]:
     rows: dict[str, list[Any]] = {name: [] for name in COLUMNS}
     time = ""
-    try:
-        with open_bytes(path) as file:
-            for event, element in ElementTree.iterparse(file, ("start", "end")):
-                if event == "start" and element.tag == "timestep":
-                    time = element.get("time", "")
-                elif event == "end" and element.tag == "vehicle":
-                    rows["time"].append(time)
-                    for name in COLUMNS[1:]:
-                        rows[name].append(element.get(name, ""))
-                elif event == "end" and element.tag == "timestep":
-                    element.clear()
-    except ElementTree.ParseError as error:
-        raise UserError(f"{path}:{error.position[0]}: malformed XML: {error}") from error
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
+    with readable_xml(path), open_bytes(path) as file:
+        for event, element in ElementTree.iterparse(file, ("start", "end")):
+            if event == "start" and element.tag == "timestep":
+                time = element.get("time", "")
+            elif event == "end" and element.tag == "vehicle":
+                rows["time"].append(time)
+                for name in COLUMNS[1:]:
+                    rows[name].append(element.get(name, ""))
+            elif event == "end" and element.tag == "timestep":
+                element.clear()
     return rows
 
 
 def _csv(path: Path) -> dict[str, list[Any]]:
     rows: dict[str, list[Any]] = {name: [] for name in COLUMNS}
     names = {name: "timestep_time" if name == "time" else f"vehicle_{name}" for name in COLUMNS}
-    try:
-        with open_text(path) as file:
-            mark = ";" if ";" in file.readline() else ","
-            file.seek(0)
-            reader = csv.reader(file, delimiter=mark)
-            header = next(reader)
-            if missing := [names[name] for name in COLUMNS if names[name] not in header]:
-                raise UserError(f"{path}: missing column {', '.join(missing)}; found {', '.join(header)}")
-            places = {name: header.index(names[name]) for name in COLUMNS}
-            for cells in reader:
-                if not cells:
-                    continue
-                if len(cells) != len(header):
-                    raise UserError(f"{path}:{reader.line_num}: {len(cells)} cells, expected {len(header)}")
-                if cells[places["id"]]:  # a step without vehicles has a line of its own
-                    for name, place in places.items():
-                        rows[name].append(cells[place])
-    except (*UNREADABLE, csv.Error) as error:
-        raise unreadable(path, error) from error
+    with readable(path, csv.Error), open_text(path) as file:
+        mark = ";" if ";" in file.readline() else ","
+        file.seek(0)
+        reader = csv.reader(file, delimiter=mark)
+        header = next(reader)
+        if missing := [names[name] for name in COLUMNS if names[name] not in header]:
+            raise UserError(f"{path}: missing column {', '.join(missing)}; found {', '.join(header)}")
+        places = {name: header.index(names[name]) for name in COLUMNS}
+        for cells in reader:
+            if not cells:
+                continue
+            if len(cells) != len(header):
+                raise UserError(f"{path}:{reader.line_num}: {len(cells)} cells, expected {len(header)}")
+            if cells[places["id"]]:  # a step without vehicles has a line of its own
+                for name, place in places.items():
+                    rows[name].append(cells[place])
     return rows
 
 
@@ -244,12 +236,10 @@ def _defined(files: Iterable[Path]) -> dict[str, dict[str, str]]:
     """Return the attributes of the vehicle types that files define."""
     found = {}
     for one in files:
-        try:
+        with readable_xml(one):
             for _, element in ElementTree.iterparse(one, ("end",)):
                 if element.tag == "vType":
                     found[element.get("id", "")] = dict(element.attrib)
                 elif element.tag in ("vehicle", "flow", "trip"):
                     element.clear()
-        except ElementTree.ParseError as error:
-            raise UserError(f"{one}:{error.position[0]}: malformed XML: {error}") from error
     return found

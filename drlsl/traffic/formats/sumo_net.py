@@ -10,7 +10,6 @@ https://sumo.dlr.de/docs/Networks/Import/OpenDRIVE.html
 
 from __future__ import annotations
 
-import gzip
 import shutil
 import subprocess
 import tempfile
@@ -25,7 +24,7 @@ import numpy as np
 from drlsl.errors import UserError
 from drlsl.traffic.alignment import Axis
 from drlsl.traffic.array_kinds import Floats
-from drlsl.traffic.files import UNREADABLE, open_bytes, unreadable
+from drlsl.traffic.files import open_bytes, readable, readable_xml
 from drlsl.traffic.lane_pieces import WANDER, Piece
 from drlsl.traffic.road_beside import OPENDRIVE
 from drlsl.traffic.tracks import Tracks
@@ -70,11 +69,8 @@ def read_road(path: Path) -> list[NetLane]:
 def _converted(path: Path, folder: Path) -> Path:
     """Return an OpenDRIVE road as a network in a folder, with its own coordinates."""
     netconvert = _netconvert(path)
-    try:
-        with open_bytes(path) as source, open(folder / "road.xodr", "wb") as copy:
-            shutil.copyfileobj(source, copy)
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
+    with readable(path), open_bytes(path) as source, open(folder / "road.xodr", "wb") as copy:
+        shutil.copyfileobj(source, copy)
     command = [str(netconvert), "--opendrive-files", "road.xodr", "-o", "road.net.xml", "--precision", "6"]
     command += [
         "--offset.disable-normalization",
@@ -119,17 +115,12 @@ def _netconvert(path: Path) -> Path:
 
 def _lanes(network: Path, path: Path) -> Iterator[NetLane]:
     """Yield the lanes for cars of a network; errors name `path`."""
-    try:
-        with gzip.open(network) if network.suffix == ".gz" else open(network, "rb") as file:
-            for _, edge in ElementTree.iterparse(file, ("end",)):
-                if edge.tag == "edge":
-                    if edge.get("function", "normal") == "normal":
-                        yield from (_lane(path, edge, lane) for lane in edge.iter("lane") if _for_cars(lane))
-                    edge.clear()
-    except ElementTree.ParseError as error:
-        raise UserError(f"{path}:{error.position[0]}: malformed XML: {error}") from error
-    except UNREADABLE as error:
-        raise unreadable(path, error) from error
+    with readable_xml(path), open_bytes(network) as file:
+        for _, edge in ElementTree.iterparse(file, ("end",)):
+            if edge.tag == "edge":
+                if edge.get("function", "normal") == "normal":
+                    yield from (_lane(path, edge, lane) for lane in edge.iter("lane") if _for_cars(lane))
+                edge.clear()
 
 
 def _for_cars(lane: ElementTree.Element) -> bool:
