@@ -308,7 +308,7 @@ def preset_values(name: str) -> dict[str, Any]:
     """
     known = preset_names()
     if name not in known:
-        raise UserError(f"no preset '{name}': expected one of {', '.join(known)}")
+        raise UserError.no_such("preset", name, known)
     text = importlib.resources.files("drlsl.learning").joinpath("presets", f"{name}.yaml").read_text("utf-8")
     return parse_yaml(text, f"preset {name}").values
 

@@ -120,5 +120,5 @@ def mask_format(name: str) -> MaskFormat:
         UserError: there is none.
     """
     if name not in FORMATS:
-        raise UserError(f"mask_format {name!r}: no such format; expected one of {', '.join(FORMATS)}")
+        raise UserError.no_such("mask_format", name, FORMATS)
     return FORMATS[name]

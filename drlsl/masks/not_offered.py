@@ -40,7 +40,7 @@ def check_mode(mode: str, known: Sequence[Mode] = MODES) -> Mode:
     for one in known:
         if mode == one:
             return one
-    raise UserError(f"mode {mode!r}: no such mode; expected one of {', '.join(known)}")
+    raise UserError.no_such("mode", mode, known)
 
 
 def settle(

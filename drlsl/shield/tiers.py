@@ -34,7 +34,7 @@ def check_tier(name: str) -> str:
         UserError: there is none of this name, or its library is not installed.
     """
     if name not in TIERS:
-        raise UserError(f"tier {name!r}: no such tier; expected one of {', '.join(TIERS)}")
+        raise UserError.no_such("tier", name, TIERS)
     if name in ("numba", "torch"):
         array_compiler(name)
     return name

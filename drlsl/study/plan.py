@@ -266,7 +266,7 @@ def preset_study(name: str) -> StudyConfig:
         UserError: there is none of this name.
     """
     if name not in study_presets():
-        raise UserError(f"no preset '{name}': expected one of {', '.join(study_presets())}")
+        raise UserError.no_such("preset", name, study_presets())
     file = importlib.resources.files("drlsl.study").joinpath("presets", f"{name}.yaml")
     return make_study(parse_yaml(file.read_text("utf-8"), f"preset {name}").values, f"preset {name}")
 

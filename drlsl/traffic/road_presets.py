@@ -264,5 +264,5 @@ def find_preset(name: str) -> Preset:
         UserError: there is none.
     """
     if name not in PRESETS:
-        raise UserError(f"no preset {name!r}; there are {', '.join(PRESETS)}")
+        raise UserError.no_such("preset", name, PRESETS)
     return PRESETS[name]

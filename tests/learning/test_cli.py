@@ -136,7 +136,7 @@ def test_a_printed_config_prints_itself(tmp_path: Path, capsys: pytest.CaptureFi
         (["--set", "nonsense"], "expected KEY=VALUE"),
         (["--set", "=1"], "expected KEY=VALUE"),
         (["--set", "seed=[1"], "the value is not valid YAML"),
-        (["--preset", "huge"], "no preset 'huge': expected one of paper, paper-code, quick, tiny"),
+        (["--preset", "huge"], "'huge': no such preset; expected one of paper, paper-code, quick, tiny"),
         (["--config", "none.yaml"], "cannot read the configuration none.yaml"),
         (["--method", "ppo"], "ppo"),
         (["--episodes", "many"], "'--episodes'"),

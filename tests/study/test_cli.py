@@ -117,7 +117,7 @@ def test_runs_that_fail_twice_are_in_the_report_and_in_the_status(tmp_path: Path
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--preset", "none"], "no preset 'none': expected one of benchmark, benchmark-beside, full"),
+        (["--preset", "none"], "'none': no such preset; expected one of benchmark, benchmark-beside, full"),
         (["--preset", "smoke", "--config", "x.yaml"], "expected one of them, not both"),
         (["--methods", "sarsa"], "no method 'sarsa': expected some of dqn"),
         (["--config", "missing.yaml"], "cannot read"),

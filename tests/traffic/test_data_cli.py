@@ -83,7 +83,7 @@ def test_info_of_nothing_is_a_user_error() -> None:
 def test_generate_refuses_before_it_works(tmp_path: Path) -> None:
     for arguments, message in (
         (["--out", str(tmp_path)], "exists already"),
-        (["--out", str(tmp_path / "x"), "--preset", "moon"], "no preset 'moon'"),
+        (["--out", str(tmp_path / "x"), "--preset", "moon"], "preset 'moon': no such preset"),
         (["--out", str(tmp_path / "x"), "--minutes", "0"], "more than 0 and at most 120 minutes"),
     ):
         with pytest.raises(UserError, match=message):

@@ -187,7 +187,8 @@ def test_a_length_that_is_none_is_refused(minutes: float) -> None:
 
 
 def test_an_unknown_preset_is_refused() -> None:
-    with pytest.raises(UserError, match="no preset 'moon'; there are highway-train, highway-test, freeway"):
+    expected = "preset 'moon': no such preset; expected one of highway-train, highway-test, freeway"
+    with pytest.raises(UserError, match=expected):
         find_preset("moon")
 
 

@@ -356,8 +356,7 @@ def _checked_autoreset(mode: AutoresetMode | str) -> AutoresetMode:
     try:
         return AutoresetMode(mode)
     except ValueError as error:
-        known = ", ".join(one.value for one in AutoresetMode)
-        raise UserError(f"autoreset_mode {mode!r}: no such mode; expected one of {known}") from error
+        raise UserError.no_such("autoreset_mode", mode, [one.value for one in AutoresetMode]) from error
 
 
 def _played(configs: Sequence[EnvConfig], playbacks: Sequence[Playback] | None) -> list[list[Playback]]:

@@ -27,9 +27,7 @@ class Renderer:
             UserError: there is no such mode, or pygame is not installed.
         """
         if mode not in modes:
-            raise UserError(
-                f"render_mode {mode!r}: no such mode; expected one of {', '.join(modes)}, or None"
-            )
+            raise UserError.no_such("render_mode", mode, (*modes, "None"))
         self.live = mode == "human"
         """True if every frame is shown as it is driven."""
         self._world = world
