@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from drlsl.driving.scene import Scene, load_scene, parse_scene, scene_json
-from drlsl.driving.scene.scene_file import SceneModel
+from drlsl.driving.scene.scene_keys import SCENE
+from drlsl.driving.scene.scene_schema import SceneModel
 from drlsl.errors import UserError
 from tests.scenes import scenes
 
@@ -116,3 +123,47 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "latin.json").write_bytes(b'{"ego": "\xe9"}')
     with pytest.raises(UserError, match="not UTF-8"):
         load_scene(tmp_path / "latin.json")
+
+
+ODD: list[Any] = [
+    *(None, True, 0, 1, -1, 3, 1.5, -0.0, 1e308, math.inf, -math.inf, math.nan),
+    *(2**63, 2**1024, 10**400, -(10**400), sys.float_info.max),
+    *("", "van", "vän", "\ud800", "\x1b", "left_to_right", "up", [], {}, [1], {"x_m": 1.0}),
+]
+
+
+def places(data: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Yield the path of every value inside a scene file's data."""
+    inside = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in inside:
+        yield (*place, key)
+        yield from places(value, (*place, key))
+
+
+@given(data=st.data())
+def test_what_is_read_without_pydantic_is_read_with_it_alike(data: st.DataObject) -> None:
+    scene = json.loads((ROOT / "examples" / "scene.json").read_text())
+    for path in data.draw(st.lists(st.sampled_from(list(places(scene))), min_size=1, max_size=2)):
+        place: Any = scene
+        with suppress(KeyError, IndexError, TypeError):  # another change took it away
+            for key in path[:-1]:
+                place = place[key]
+            match data.draw(st.sampled_from(["odd", "odd", "gone", "new"])):
+                case "odd":
+                    place[path[-1]] = data.draw(st.sampled_from(ODD))
+                case "gone":
+                    del place[path[-1]]
+                case "new":
+                    place["z_m"] = 0.0
+    try:
+        model = SceneModel.model_validate(scene)
+    except ValidationError:
+        assert not SCENE(scene)
+    else:
+        assert SCENE(scene)
+        assert repr(SCENE.filled(scene)) == repr(model.model_dump())
+
+
+@given(scene=scenes())
+def test_a_written_scene_needs_no_pydantic(scene: Scene) -> None:
+    assert SCENE(json.loads(scene_json(scene)))
