@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from drlsl.cli import app
+from drlsl.cli.program import app
 
 TARGET = Path(__file__).parents[1] / "docs" / "cli.md"
 

@@ -1,4 +1,4 @@
-"""`drlsl query`: what is safe in a scene, and why."""
+"""The answers of `drlsl query`: what is safe in a scene, and why. No Typer: see `drlsl.cli.plain_query`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from drlsl.cli.failures import failures_as_errors
-from drlsl.cli.options import AsJson, Rules
 from drlsl.files import printable, to_json
 
 if TYPE_CHECKING:
@@ -21,55 +18,24 @@ if TYPE_CHECKING:
     from drlsl.logic.explain import Explanation
 
 
-Actions = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="ACTION...", help="Actions that --what-if examines; default: every action."),
-]
-Goal = Annotated[
-    str | None,
-    typer.Option("--goal", metavar="GOAL", help="Run this goal in the scene and print its solutions."),
-]
-Explain = Annotated[
-    bool,
-    typer.Option(
-        "--explain",
-        help="Print the proof of every safe action and of the speed, and why others have none.",
-    ),
-]
-WhatIf = Annotated[
-    bool,
-    typer.Option(
-        "--what-if", help="Print the least change of a gap or a speed that would change the decision."
-    ),
-]
-Picture = Annotated[
-    Path | None,
-    typer.Option(
-        "--picture", metavar="FILE", help="Draw the decision and its reasons here, as .png, .pdf or .svg."
-    ),
-]
-
-
-def query(
-    state: Annotated[
-        Path, typer.Option("--state", metavar="FILE", help="The scene, as JSON; docs/scene.md describes it.")
-    ],
-    actions: Actions = None,
-    rules: Rules = None,
-    goal: Goal = None,
-    explain: Explain = False,
-    what_if: WhatIf = False,
-    picture: Picture = None,
-    time_limit: Annotated[
-        float, typer.Option(metavar="SECONDS", min=0.1, help="For one action, with --what-if.")
-    ] = 10.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Write the changed scenes of --what-if here, as scene files."),
-    ] = None,
-    as_json: AsJson = False,
+def answer_query(
+    state: Path,
+    actions: Sequence[str] | None = None,
+    rules: Sequence[Path] | None = None,
+    goal: str | None = None,
+    explain: bool = False,
+    what_if: bool = False,
+    picture: Path | None = None,
+    time_limit: float = 10.0,
+    out: Path | None = None,
+    as_json: bool = False,
 ) -> None:
-    """Print which actions are safe in a scene, what speaks against the others, and the target speed."""
+    """Print what `drlsl query` is asked for; its options explain the arguments.
+
+    Raises:
+        UserError: options contradict each other, a file cannot be read, or the rules give no usable answer.
+        PrologError: the rules are not a valid program.
+    """
     from drlsl.driving.scene import load_scene
     from drlsl.driving.shield import Shield
 
@@ -93,7 +59,7 @@ def query(
 
 
 def _check_options(
-    goal: str | None, explain: bool, what_if: bool, actions: list[str] | None, out: Path | None
+    goal: str | None, explain: bool, what_if: bool, actions: Sequence[str] | None, out: Path | None
 ) -> None:
     from drlsl.errors import UserError
 

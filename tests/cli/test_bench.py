@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drlsl.cli import app
+from drlsl.cli.program import app
 
 _RUNNER = CliRunner()
 
