@@ -25,8 +25,7 @@ def _function(printer: ArrayLoopPrinter) -> Callable[..., bool]:
     """As choosy about its arguments as machine code is."""
     namespace = dict(CALLED)
     exec(compile(printer.module(), "<loops>", "exec"), namespace)  # noqa: S102  (the text is made by the printer)
-    taken = [parameter for given in printer.given.values() for parameter in given.parameters]
-    parameters = [*taken, *printer.results]
+    parameters = printer.parameters
 
     def answer(*arguments: Any) -> bool:
         for parameter, array in zip(parameters, arguments, strict=True):

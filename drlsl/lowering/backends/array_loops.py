@@ -82,7 +82,8 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
 
     `codes` gives the integer of each atom. `given` are the parameters for the facts, by relation; they are
     followed by `undecided` and `outputs`: for each form its value and, unless it is `holds`, the mask of the
-    scenes in which it fails.
+    scenes in which it fails. Last come `buffers`, known after `module`: each for the places of all rows of a
+    table of its relation.
     """
 
     def __init__(self, lowered: Lowered) -> None:
@@ -94,7 +95,7 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
         relations = [relation for relation in lowered.schema.relations.values() if relation in read]
         self.given = {relation: self._given(relation, read[relation]) for relation in relations}
         self.outputs = [self._output(form) for form in self.forms]
-        self._buffers: list[str] = []
+        self.buffers: list[tuple[Parameter, Relation]] = []
         self._counts: dict[Node, str] = {}  # of the rows that were chosen
 
     def _given(self, relation: Relation, used: Sequence[int]) -> Given:
@@ -129,6 +130,12 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
         undecided = Parameter("undecided", "bool", 1, blank="True")
         return [undecided, *(parameter for output in self.outputs for parameter in output)]
 
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """All the parameters of the function, in order; `module` adds the last."""
+        taken = (parameter for given in self.given.values() for parameter in given.parameters)
+        return [*taken, *self.results, *(buffer for buffer, _ in self.buffers)]
+
     def module(self) -> str:
         """Return the text of the function."""
         self._check_shapes()
@@ -139,21 +146,17 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
         prelude, self.lines = self.lines, []
         with self.block("for scene in range(scenes)"):
             self._scene()
-        buffers = [f"    {line}" for line in self._buffers]
-        taken = [parameter for given in self.given.values() for parameter in given.parameters]
-        head = f"def answer({', '.join(parameter.name for parameter in (*taken, *self.results))}):"
-        return "\n".join([head, *prelude, *buffers, *self.lines, "    return True", ""])
+        names = ", ".join(parameter.name for parameter in self.parameters)
+        return "\n".join([f"def answer({names}):", *prelude, *self.lines, "    return True", ""])
 
     def _check_shapes(self) -> None:
         for given in self.given.values():
-            shape, valid = given.shape.name, given.valid.name
-            if given.columns:
-                self.write(f"{valid} = filled({valid}, {shape})")
+            shape = given.shape.name
             others = [each for each in (*given.columns.values(), given.valid) if each is not given.shape]
             if given.relation.single:
                 tests = [f"{each.name}.size == {shape}.size" for each in others]
             else:
-                tests = [f"{shape}.shape[1] > 0", *(f"alike({each.name}, {shape})" for each in others)]
+                tests = [f"{shape}.shape[1] > 0", *(f"{each.name}.shape == {shape}.shape" for each in others)]
             if tests:
                 self.write(f"if not ({' and '.join(tests)}):")
                 self.write("    return False")
@@ -261,9 +264,7 @@ class ArrayLoopPrinter(PythonLoops, PlaceLoops):
                 self.write(f"{self.known[node]} = {text}")
 
     def choose_rows(self, name: str, node: Node) -> Callable[[str], None]:
-        given = self.given[relation_of(node)]
-        rows = "1" if given.relation.single else f"{given.shape.name}.shape[1]"
-        self._buffers.append(f"{name} = places({rows})")
+        self.buffers.append((Parameter(name, "int", 1), relation_of(node)))
         count = self._counts[node] = self.names.new(f"{name}_count")
         self.write(f"{count} = 0")
 

@@ -11,24 +11,12 @@ from collections.abc import Callable
 from inspect import isfunction
 from typing import Any, Final
 
-import numpy as np
-
 from drlsl.logic.core import NODES
 from drlsl.lowering.backends.numpy_ops import Array, Mask
 from drlsl.lowering.ir import FLOAT_BOUND, INT_BOUND
 
 NO_INTEGER: Final = 2**63 - 1
 """Beyond every valid integer."""
-
-
-def filled(valid: Mask, column: Array) -> Mask:
-    """Return `valid` or, if it is empty, the mask of all rows."""
-    return np.ones(column.shape, dtype=np.bool_) if valid.size == 0 else valid
-
-
-def alike(one: Array, other: Array) -> bool:
-    """Return whether two arrays have equally many tables and rows."""
-    return bool((one.shape[0] == other.shape[0]) & (one.shape[1] == other.shape[1]))
 
 
 def fits(tables: int, index: Array, scenes: int) -> bool:
@@ -46,7 +34,8 @@ def fits(tables: int, index: Array, scenes: int) -> bool:
 def table_of(scene: int, tables: int, index: Array) -> int:
     """Return the table of a scene."""
     if index.size > 0:
-        return int(index[scene])
+        own: int = index[scene]  # not int(...), for which Numba would compile a function
+        return own
     return scene if tables > 1 else 0
 
 
@@ -84,11 +73,6 @@ def place_of(key: int, keys: Array, valid: Mask, table: int) -> int:
     return -1
 
 
-def places(rows: int) -> Array:
-    """Return an array for the places of `rows` rows."""
-    return np.empty(rows, dtype=np.int64)
-
-
 def blank(line: Array, scene: int, value: float) -> None:
     """Fill a scene's elements."""
     for place in range(line.shape[1]):
@@ -101,7 +85,7 @@ def choose(cond: bool, then: float, els: float) -> float:
 
 
 _HERE: Final[list[Callable[..., Any]]] = [
-    *(filled, alike, fits, table_of, places, blank, choose),
+    *(fits, table_of, blank, choose),
     *(is_sound_float, is_sound_integer, keys_differ, place_of),
 ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +22,6 @@ _DTYPES: Final[dict[Kind, np.dtype[Any]]] = {
     "int": np.dtype(np.int64),
     "float": np.dtype(np.float64),
 }
-_ALL_THERE: Final[dict[int, Array]] = {axes: np.empty((0,) * axes, dtype=np.bool_) for axes in (1, 2)}
 _OWN_TABLES: Final[Array] = np.empty(0, dtype=np.int64)
 
 ArrayAnswer = BatchAnswer[Array]
@@ -66,9 +66,13 @@ class NumbaProgram(BatchProgram[Array]):
             (value.width if value.axes == 2 else None, _DTYPES[value.kind], bool(fails))
             for value, *fails in printer.outputs
         ]
-        self._order = [
-            (key, tuple(given.columns), _ALL_THERE[given.valid.axes]) for key, given in self._given.items()
+        self._order = [(key, tuple(given.columns)) for key, given in self._given.items()]
+        places = {parameter.name: place for place, parameter in enumerate(printer.parameters)}
+        self._buffers = [
+            None if relation.single else places[printer.given[relation].shape.name]
+            for _, relation in printer.buffers
         ]
+        """The arguments that tell by their rows how long the buffers are; None for one place."""
 
     def __call__(self, facts: Facts) -> ArrayResult:
         """Return the answers for the facts of N scenes.
@@ -81,7 +85,7 @@ class NumbaProgram(BatchProgram[Array]):
         try:
             arguments, scenes = self._flat(facts)
             result, outputs = self._blank(scenes)
-            if self._function(*arguments, *outputs):
+            if self._function(*arguments, *outputs, *self._empty(arguments)):
                 return result
         except (
             AttributeError,
@@ -93,7 +97,8 @@ class NumbaProgram(BatchProgram[Array]):
         ready = {key: self._ready(given, facts.get(key)) for key, given in self._given.items()}
         scenes = _common_scenes({**facts, **ready})
         result, outputs = self._blank(scenes)
-        if not self._function(*self._flat(ready)[0], *outputs):
+        arguments, _ = self._flat(ready)
+        if not self._function(*arguments, *outputs, *self._empty(arguments)):
             raise AssertionError("prepared facts do not fit")
         return result
 
@@ -126,7 +131,7 @@ class NumbaProgram(BatchProgram[Array]):
                     f"{parameter.name} cannot be read in place: not an array of {parameter.kind} in C order"
                 )
         result, outputs = self._blank(scenes)
-        bound = BoundProgram(self._function, [*arguments, *outputs], result)
+        bound = BoundProgram(self._function, [*arguments, *outputs, *self._empty(arguments)], result)
         bound()
         return bound
 
@@ -134,21 +139,29 @@ class NumbaProgram(BatchProgram[Array]):
         """Return the function's arrays, and the number of scenes that they seem to have."""
         arguments: list[Any] = []
         scenes = 1
-        for key, used, all_there in self._order:
+        for key, used in self._order:
             rows = facts[key]
             if type(rows) is _ReadyRows:
                 arguments += rows.arguments
                 continue
             columns, valid, index = rows.columns, rows.valid, rows.index
             arguments += [columns[place] for place in used]
-            arguments.append(all_there if valid is None else valid)
+            if valid is None:
+                first = columns[used[0]] if used else None
+                valid = _all_there((0,) if first is None else np.shape(first))
+            arguments.append(valid)
             arguments.append(_OWN_TABLES if index is None else index)
             if scenes == 1:
-                first: Any = index if index is not None else columns[used[0]] if used else valid
-                scenes = len(first)
+                longest: Any = index if index is not None else columns[used[0]] if used else rows.valid
+                scenes = len(longest)
         if scenes == 1 and len(facts) > len(self._order):
             scenes = _common_scenes(facts)
         return arguments, scenes
+
+    def _empty(self, arguments: Sequence[Any]) -> list[Array]:
+        """Return buffers for one call: threads may be in the function at once."""
+        rows = (1 if place is None else arguments[place].shape[1] for place in self._buffers)
+        return [np.empty(most, np.int64) for most in rows]
 
     def _blank(self, scenes: int) -> tuple[ArrayResult, list[Array]]:
         """Return a result to be filled, and its arrays in the order of the function's parameters."""
@@ -203,6 +216,14 @@ class BoundProgram:
         if not self._function(*self._arguments):
             raise ValueError("shapes do not fit, or an index is beyond the tables")
         return self._result
+
+
+@lru_cache(maxsize=16)
+def _all_there(shape: tuple[int, ...]) -> Array:
+    """Return the mask of tables whose rows are all there, for columns of that shape; nobody writes to it."""
+    mask = np.ones(shape, np.bool_)
+    mask.setflags(write=False)
+    return mask
 
 
 def _common_scenes(facts: Facts) -> int:

@@ -52,6 +52,11 @@ _ANNOTATED: Final[dict[str, Any]] = {
     },
     **{f"Words{axes}": types.Array(types.int32, axes, "C", readonly=True) for axes in (1, 2)},
 }
+_LEAN: Final = {"no_cfunc_wrapper": True, "_nrt": False}
+"""Options that leave out a third of the work: no code for calls from C, and none that counts references.
+
+No function that is compiled here makes an array; one that did would be refused.
+"""
 _BROKEN: Final = (
     OSError,
     EOFError,
@@ -71,13 +76,9 @@ def compiled(printer: ArrayLoopPrinter, folder: Path | None) -> Callable[..., bo
     """
     _make_known()
     text = printer.module()
+    taken = {parameter.name for given in printer.given.values() for parameter in given.parameters}
     signature = types.boolean(
-        *(
-            _type(parameter, readonly=True)
-            for given in printer.given.values()
-            for parameter in given.parameters
-        ),
-        *(_type(parameter, readonly=False) for parameter in printer.results),
+        *(_type(parameter, readonly=parameter.name in taken) for parameter in printer.parameters)
     )
     files = str(loop_ops.__file__), str(numba_operations.__file__), inspect.getfile(NODES["round"].compute)
     uses = [Path(file).read_text(encoding="utf-8") for file in files]
@@ -96,7 +97,7 @@ def compiled_function(function: Callable[..., Any], folder: Path | None) -> Call
     called, written = list(_functions_of(function)), make_operations_known()
     for one in called:
         if one not in written:
-            register_jitable(one)
+            register_jitable(**_LEAN)(one)
     taken: list[Any] = []
     given = types.void
     for name, annotation in function.__annotations__.items():
@@ -181,7 +182,8 @@ def _type(parameter: Parameter, *, readonly: bool) -> Any:
 
 
 def _jit(function: Callable[..., Any], signature: Any, text: _Text, *, keep: bool) -> Callable[..., bool]:
-    jitted = numba.njit(cache=keep, error_model="numpy", nogil=True)(function)
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, **_LEAN}  # Numba's types lack some
+    jitted = numba.njit(cache=keep, **options)(function)
     if keep:
         folder, name = Path(str(jitted.stats.cache_path)), function.__module__
         _drop_damaged(folder, name)
@@ -266,7 +268,7 @@ def _make_known() -> Sequence[Any]:
     written = make_operations_known()
     for function in OPS.values():
         if function not in written:
-            register_jitable(function)
+            register_jitable(**_LEAN)(function)
     return [_make_library_known(name, row) for name, row in LIBRARY.items()]
 
 
