@@ -35,8 +35,9 @@ Words2: TypeAlias = npt.NDArray[np.int32]
 def machine_code(function: F) -> F:
     """Return a function of numbers and arrays as machine code, which gives the same results to the bit.
 
-    Its annotations say what it takes: `bool`, `int`, `float`, and `Floats1` to `Words2` for arrays. If Numba
-    does not load, the function itself is returned, and a warning is logged once.
+    Its annotations say what it takes: `bool`, `int`, `float`, and `Floats1` to `Words2` for arrays. Where a
+    number of float32 meets a Python float, it must say which type is meant: NumPy takes the former, Numba the
+    latter. If Numba does not load, the function itself is returned, and a warning is logged once.
 
     Raises:
         TypeError: an annotation is another one.
