@@ -50,10 +50,13 @@ class EpisodeFolder:
         """Return a recorder that watches `env` and writes each episode that ends.
 
         Raises:
-            UserError: the folder cannot be made.
+            UserError: the folder cannot be made, or the extra of the format is not installed.
         """
-        from drlsl.driving.episodes import EpisodeRecorder, Origin
+        from drlsl.driving.episodes import PARQUET, EpisodeRecorder, Origin
+        from drlsl.files import parquet_library
 
+        if self.suffix == PARQUET:
+            parquet_library()  # Told now, and not when the first episode ends.
         make_folder(self.folder)
         origin = Origin.of(self.config, env.shield, driver, self.wants, enforced=enforced, seed=seed)
         recorder = EpisodeRecorder(env.world, origin, self.save)

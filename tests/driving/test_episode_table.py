@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from drlsl.driving.episodes.driven_episode import Answers, VehicleRows
 from drlsl.driving.explain import Objection, Reason, RuleClause
 from drlsl.driving.scene import Action, Road
 from drlsl.driving.shield import ObservationSpace
+from drlsl.driving.simulation.world import World
 from drlsl.errors import UserError
 from drlsl.traffic import Direction, Lane
 from tests.driving.driven import drive
@@ -257,3 +259,16 @@ def test_a_recording_is_no_episode(tmp_path: Path, capsys: Any) -> None:
         load_episode(path)
     assert run(["data", "convert", str(path), "--out", str(tmp_path / "again.parquet")]) == 0
     assert "vehicles" in capsys.readouterr().out
+
+
+def test_a_missing_library_is_told_before_the_first_episode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    out = tmp_path / "episodes"
+    asked = ["--episodes", "1", "--shield", "on", "--episodes-out", str(out), "--episodes-as", "parquet"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(World, "step", None)  # Nothing is driven.
+        assert run(["eval", "keep", *asked]) == 2
+    assert "pyarrow" in capsys.readouterr().err
+    assert not out.exists()

@@ -1,10 +1,11 @@
 from .driven_episode import NO_DECISION, Ending, Episode, Origin
 from .episode_arrays import arguments_of
-from .episode_file import SUFFIX, SUFFIXES, episode_files, is_episode, load_episode, save_episode
+from .episode_file import PARQUET, SUFFIX, SUFFIXES, episode_files, is_episode, load_episode, save_episode
 from .recorder import EpisodeRecorder, episode_of_scene
 
 __all__ = [
     "NO_DECISION",
+    "PARQUET",
     "SUFFIX",
     "SUFFIXES",
     "Ending",
