@@ -127,7 +127,9 @@ def evaluate(
     )
     env = make_evaluation_env(config.env)
     driver = load_driver(who, env, arguments)
-    if run is not None and rules is None and (changed := changed_rules(run, env)):
+    # Other rules may be named by --set, too.
+    unnamed = run is not None and rules is None and config.env.rules == run.config.env.rules
+    if run is not None and unnamed and (changed := changed_rules(run, env)):
         typer.echo(f"drlsl: the rules were changed after the training: {', '.join(changed)}", err=True)
     name, wants = (who, "preferences") if run is None else (POLICY, "Q-values")
     recorded = None

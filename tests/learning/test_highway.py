@@ -70,8 +70,11 @@ def test_a_run_whose_rules_were_changed_is_not_resumed_and_its_evaluation_tells(
     rules.write_text(text + "never_asked(1).\n")
     assert run(told) == 0
     assert "drlsl: the rules were changed after the training: mine.pl\n" in capsys.readouterr().err
-    assert run([*told, "--rules", str(rules)]) == 0  # named on purpose
-    assert "rules were changed" not in capsys.readouterr().err
+    other = tmp_path / "other.pl"
+    other.write_text(text)
+    for named in (["--rules", str(rules)], ["--rules", str(other)], ["--set", f"env.rules=[{other}]"]):
+        assert run([*told, *named]) == 0  # named on purpose
+        assert "rules were changed" not in capsys.readouterr().err
     with pytest.raises(UserError, match=r"rules were changed after the checkpoint: mine\.pl; put them back"):
         Session.resume(tmp_path / "run")
     rules.write_text(text)
