@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from glob import glob
 from pathlib import Path
@@ -114,7 +116,7 @@ def _locate(path: str | Path) -> tuple[Path, str | None]:
 
 def _in_file(location: Path, part: str | None) -> list[Source]:
     """Return the recordings of one file."""
-    if location.suffix == ".npz":
+    if _is_episode(location):
         raise UserError(f"{location}: no recording, but {EPISODE}")
     row = find_format(location)
     if row is None:
@@ -139,11 +141,20 @@ def _in_file(location: Path, part: str | None) -> list[Source]:
     return [replace(source, name=f"{name}#{one}", part=one) for one in chosen]
 
 
+def _is_episode(path: Path) -> bool:
+    """Return whether a file is an episode's archive: people keep other arrays in such files, too."""
+    if path.suffix != ".npz":
+        return False
+    with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        return "header.npy" in archive.namelist()
+    return False
+
+
 def _in_folder(location: Path, folder: Path, part: str | None) -> list[Source]:
     """Return the recordings of a folder; `location` is what the user called it."""
     found = _sources_below(folder)
     if not found:
-        if any(folder.glob("*.npz")):
+        if any(map(_is_episode, folder.glob("*.npz"))):
             raise UserError(f"{location}: no recordings, but episodes, which `drlsl view` shows")
         raise UserError(
             f"{location}: no recording in this folder; in highD layout it has files like 01_tracks.csv, and "

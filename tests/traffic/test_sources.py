@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -236,6 +237,19 @@ def test_an_unknown_layout_is_named(tmp_path: Path, text: str, expected: str) ->
     path.write_text(text)
     with pytest.raises(UserError, match=expected):
         find_sources(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\5\6", b"no archive\n", None])
+def test_what_is_no_episode_is_called_none(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "positions.npz"
+    if content is None:
+        np.savez(path, x=np.arange(3))
+    else:
+        path.write_bytes(content)
+    for named in (path, tmp_path):
+        with pytest.raises(UserError) as raised:
+            find_sources(named)
+        assert "drlsl view" not in str(raised.value)
 
 
 def test_formats_have_names_of_their_own() -> None:
