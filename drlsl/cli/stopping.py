@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
 
@@ -45,7 +46,13 @@ def stop_on_signal(say: Callable[[str], object]) -> Iterator[Stop]:
 
 @contextlib.contextmanager
 def cleaned_up_on_signal() -> Iterator[None]:
-    """Have SIGTERM end what runs within as Ctrl-C does, so that what is half-written is deleted."""
+    """Have SIGTERM end what runs within as Ctrl-C does, so that what is half-written is deleted.
+
+    In another thread than the main one, which alone may handle signals, nothing changes.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
 
     def handle(number: int, frame: FrameType | None) -> None:
         raise SystemExit(128 + number)

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drlsl.cli import run
 from drlsl.errors import UserError
 from drlsl.traffic import (
     PRESETS,
@@ -165,6 +167,14 @@ def test_a_command_that_is_terminated_leaves_nothing_behind(tmp_path: Path) -> N
     )
     assert list(tmp_path.iterdir()) == []
     assert (done.returncode, done.stdout, done.stderr) == (128 + signal.SIGTERM, "", "")
+
+
+def test_a_command_runs_in_any_thread(tmp_path: Path) -> None:
+    """Signals go to the main thread, and only it may handle them."""
+    line = ["data", "cut", "freeway", "--end", "1", "--out", str(tmp_path / "out")]
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(run, line).result() == 0
+    assert (tmp_path / "out").is_dir()
 
 
 def test_without_sumo_there_is_a_way_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
