@@ -42,12 +42,14 @@ def _show_compiling() -> None:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status."""
     line = sys.argv[1:] if arguments is None else arguments
+    # The shells of Windows leave patterns and variables as they are; Typer expands them.
+    expanded = arguments is not None or os.name != "nt"
     try:
-        asked = plain_query(line)
+        asked = plain_query(line) if expanded else None
         if asked is None:
             from drlsl.cli.program import run_program
 
-            return run_program(line)
+            return run_program(arguments)
         from drlsl.cli.query_answer import answer_query
 
         answer_query(**asked)

@@ -86,8 +86,8 @@ def _program(
     """Safe reinforcement learning for highway driving, shielded by readable Prolog rules."""
 
 
-def run_program(arguments: Sequence[str]) -> int:
-    """Run a command and return its exit status; 130 if it is interrupted.
+def run_program(arguments: Sequence[str] | None) -> int:
+    """Run a command, by default the one that the shell gave, and return its exit status; 130: interrupted.
 
     Raises:
         UserError: the line is wrong, or the command refuses something.
@@ -95,7 +95,7 @@ def run_program(arguments: Sequence[str]) -> int:
     """
     command = typer.main.get_command(app)
     try:
-        status = command.main(args=list(arguments), prog_name="drlsl", standalone_mode=False)
+        status = command.main(args=arguments, prog_name="drlsl", standalone_mode=False)
     except CLICK_ERROR as error:
         return _explain(_message(error), getattr(error, "ctx", None))
     except typer.Abort:

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -14,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drlsl.cli import run
 from drlsl.cli.plain_query import plain_query
 from drlsl.cli.program import run_program
 from drlsl.cli.query_answer import answer_query
@@ -57,6 +59,18 @@ def test_what_is_asked_most_is_plain(line: str) -> None:
 @pytest.mark.parametrize("line", [[], ["query"], ["query", "--json"], ["rules", "--state", "s.json"]])
 def test_all_other_lines_are_for_typer(line: list[str]) -> None:
     assert plain_query(line) is None
+
+
+@pytest.mark.parametrize("line", [["query", "--state", "~/s.json"], ["data", "info", "*.csv"]])
+def test_typer_expands_what_the_shell_of_windows_leaves(
+    line: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+    monkeypatch.setattr(sys, "argv", ["drlsl", *line])
+    monkeypatch.setattr("drlsl.cli.os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr("drlsl.cli.program.run_program", given.append)
+    run()
+    assert given == [None]  # Typer looks for the line itself, and expands such a line only
 
 
 def test_a_reader_that_has_gone_is_no_error() -> None:
