@@ -125,3 +125,8 @@ def test_what_is_compiled_is_shown_on_a_terminal_alone(
         logger.handlers[:] = before
         logger.setLevel(level)
     assert capsys.readouterr().err == ("compiling rules to machine code, once\n" if terminal else "")
+
+
+def test_python_runs_the_package_as_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "drlsl", "--version"], capture_output=True, check=True)
+    assert done.stdout.decode() == f"drlsl {drlsl.__version__}\n"

@@ -218,7 +218,7 @@ class BoundProgram:
         return self._result
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _all_there(shape: tuple[int, ...]) -> Array:
     """Return the mask of tables whose rows are all there, for columns of that shape; nobody writes to it."""
     mask = np.ones(shape, np.bool_)
