@@ -34,23 +34,22 @@ def row_reader(relation: Relation, used: Sequence[int]) -> Callable[[Facts], Seq
 
 def _check(relation: Relation, used: Sequence[int]) -> Callable[[Sequence[Row]], bool]:
     """Return the test whether rows conform to the schema in the columns that are used, as they are."""
-    single, first, key, lengths = relation.single, relation.first, relation.key, {relation.arity}
+    single, first, key, arity = relation.single, relation.first, relation.key, relation.arity
     floats = _values_at([place for place in used if relation.columns[place] == "float"])
-    others = [
-        (itemgetter(place), relation.columns[place]) for place in used if relation.columns[place] != "float"
-    ]
+    others = [(place, relation.columns[place]) for place in used if relation.columns[place] != "float"]
 
     def conform(rows: Sequence[Row]) -> bool:
         try:
             if not rows:
                 return not single and first is None
+            columns = [*zip(*rows, strict=True)]
             return (
                 not (single and len(rows) > 1)
-                and set(map(len, rows)) == lengths
-                and (key is None or len({row[key] for row in rows}) == len(rows))
+                and len(columns) == arity
+                and (key is None or len({*columns[key]}) == len(rows))
                 and (first is None or rows[0][key or 0] == first)
-                and _are_sound([*chain.from_iterable(map(floats, rows))])
-                and (not others or all(_is_sound([*map(value, rows)], kind) for value, kind in others))
+                and _are_sound([*chain.from_iterable(floats(columns))])
+                and (not others or all(_is_sound(columns[place], kind) for place, kind in others))
             )
         except (TypeError, ValueError):
             return False
@@ -58,8 +57,8 @@ def _check(relation: Relation, used: Sequence[int]) -> Callable[[Sequence[Row]],
     return conform
 
 
-def _values_at(places: Sequence[int]) -> Callable[[Row], Sequence[Any]]:
-    """Return the function that takes the values of some columns out of a row."""
+def _values_at(places: Sequence[int]) -> Callable[[Sequence[Any]], Sequence[Any]]:
+    """Return the function that takes the items in some places out of a sequence."""
     if len(places) == 1:
         return itemgetter(slice(places[0], places[0] + 1))
     return itemgetter(*places) if places else itemgetter(slice(0))
