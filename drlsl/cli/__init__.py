@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import io
 import logging
 import os
 import sys
@@ -22,6 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Terms and modules are made by the ten thousand and hardly any is garbage: look for it less often.
     gc.set_threshold(50_000, 20, 20)
     warnings.showwarning = _show_warning
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Where it cannot show a character, such as ², it shows its number.
+        sys.stdout.reconfigure(errors="backslashreplace")
     if sys.stderr.isatty():
         _show_compiling()
     sys.exit(run(arguments))

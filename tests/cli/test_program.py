@@ -130,3 +130,15 @@ def test_what_is_compiled_is_shown_on_a_terminal_alone(
 def test_python_runs_the_package_as_the_command() -> None:
     done = subprocess.run([sys.executable, "-m", "drlsl", "--version"], capture_output=True, check=True)
     assert done.stdout.decode() == f"drlsl {drlsl.__version__}\n"
+
+
+def test_a_terminal_that_cannot_show_a_character_is_told_its_number() -> None:
+    line = [sys.executable, "-m", "drlsl", "query", "--state", str(ROOT / "examples" / "scene.json")]
+    shown = []
+    for encoding in ("utf-8", "ascii"):
+        environment = os.environ | {"PYTHONIOENCODING": encoding}
+        done = subprocess.run(line, capture_output=True, env=environment, check=True)
+        assert done.stderr == b""
+        shown.append(done.stdout.decode())
+    assert "²" in shown[0]
+    assert shown[1] == shown[0].encode("ascii", "backslashreplace").decode()
