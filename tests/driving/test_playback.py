@@ -70,3 +70,9 @@ def test_a_data_set_is_driven_in_all_its_recordings(tmp_path: Path) -> None:
     assert len(playbacks) == 3
     [some] = load_playbacks([EnvConfig(recording=(f"{tmp_path / 'set'}#0[12]", "freeway"))])
     assert len(some) == 3
+
+
+def test_equal_roads_of_recordings_are_one_object() -> None:
+    one, other = (playbacks_of([recording([Drive(3, 10.0, 20.0)], frames=50)], 100.0)[0] for _ in range(2))
+    assert one.road is other.road
+    assert playbacks_of([recording([Drive(3, 10.0, 20.0)], frames=50)], 50.0)[0].road != one.road

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drlsl.learning import compiled_pass
-from drlsl.learning.adam import take_step
+from drlsl.learning.adam import Adam, CompiledAdam, take_step
 from drlsl.learning.compiled_pass import (
     CompiledPass,
     activate_in_halves,
@@ -191,6 +191,13 @@ def test_what_cannot_be_compiled_is_left_to_pytorch(monkeypatch: pytest.MonkeyPa
     assert not can_compile(used([10, 2, 2, 3]))
     monkeypatch.setattr(compiled_pass, "machine_code", lambda function: function)
     assert not can_compile(used([10, 8, 8, 3]))
+
+
+def test_adam_is_compiled_with_the_pass() -> None:
+    source = network([10, 32, 32, 3])
+    assert type(source.optimiser()) is CompiledAdam
+    source.learn_in("float32")
+    assert type(source.optimiser()) is Adam
 
 
 def test_more_actions_than_the_last_hidden_layer_has_units_are_learnt_from(

@@ -269,6 +269,22 @@ def test_an_error_off_the_path_does_not_count(text: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "cars",
+    [
+        [("ego", 1, 0.0), ("a", 1, 0.0, 9.0)],
+        [("ego", 1, 0.0, 9.0), ("a", 1, 0.0)],
+        [("ego", 1), ("a", 1, 0.0)],
+        [("ego", 1, 0.0, 9.0), ("a", 1, 0.0, 9.0)],
+    ],
+)
+def test_rows_of_another_length_are_left_to_the_interpreter(cars: list[tuple[Any, ...]]) -> None:
+    both = tiers("p(X) :- limit(L), car(_, K, Y), X is L + K + Y.", "p/1", "first")
+    assert both.scalar(facts(cars=[("ego", 1, 0.0), ("a", 1, 0.0)]))
+    with pytest.raises(Undecided):
+        both.scalar(facts(cars=cars))
+
+
+@pytest.mark.parametrize(
     "scene",
     [
         facts(limit=float("nan")),

@@ -195,7 +195,7 @@ class ArrayTier:
     def entries_are_safe(self, scenes: SceneBatch) -> tuple[Mask, Undecidable]:
         """Return whether the ego may enter where each scene places it."""
         (entry,), undecided = self._entry(scenes)
-        return np.array(entry.value), undecided.nonzero()[0].tolist()
+        return entry.value, undecided.nonzero()[0].tolist()
 
 
 def _alone(scene: Scene) -> SceneBatch:
